@@ -17,6 +17,7 @@ from gtpin.commands.terminal import (
     TrustData,
     progress_of,
     read_dataset,
+    rendered,
     tell,
     written,
 )
@@ -25,7 +26,6 @@ from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.report.calibration import CALIBRATION, CalibrationPresentation
-from gtpin.report.sections.parameters import controller_advice
 
 
 def calibrate(
@@ -61,5 +61,4 @@ def calibrate(
             )
         shown = CalibrationPresentation(calibration)
         result = shown.write(folder)
-    table = "".join(f"\n{words}\n" for words in controller_advice(calibration, str(output)))
-    tell(result, f"{shown.terminal()}{table}\n{written(output, CALIBRATION, 'report.html')}", as_json)
+    tell(result, rendered(shown.terminal(output), written(output, CALIBRATION, "report.html")), as_json)

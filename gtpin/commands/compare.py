@@ -17,6 +17,7 @@ from gtpin.commands.terminal import (
     TrustData,
     progress_of,
     read_dataset,
+    rendered,
     tell,
     written,
 )
@@ -49,4 +50,4 @@ def compare(
         shown = ComparisonPresentation(comparison)
         result = shown.write(folder)
     files = written(output, ("compare.csv", "compare.json"), "report.html")
-    tell(result, f"{shown.text()}{files}", as_json)
+    tell(result, rendered(shown.terminal(output), files), as_json)

@@ -25,15 +25,12 @@ from gtpin.commands.terminal import (
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
 from gtpin.diagnosis.linear.cross_validation import HoldOut
-from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinError
 from gtpin.extensions import extension
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
 from gtpin.output.shown import present
 from gtpin.report.diagnosis import DIAGNOSIS
-from gtpin.report.sections.causes import sure_corrections
-from gtpin.report.sections.parameters import controller_words
 
 
 def diagnose(
@@ -96,11 +93,7 @@ def diagnose(
         result = shown.write(folder)
         if log is not None:
             log.add(found)
-    text = [shown.terminal()]
-    if against is None:
-        # What is unknown moves the geometry by more than its sigmas.
-        table = controller_words(found.model, str(output)) if found.verdict != "unknown" else []
-        text += [*table, *corrections_hint(found, output)]
+    text = [shown.terminal() if against is not None else shown.terminal(output)]
     text.append(written(output, ("diagnosis.json", "baseline", "model"), "report.html"))
     if log is not None:
         text.append(f"All checks: {log.page}")
@@ -111,12 +104,3 @@ def _refuse_alone(given: bool, option: str, why: str) -> None:
     """Refuse an option that has no meaning with the others."""
     if given:
         raise GtpinError(f"{option} can't be used here", hint=why)
-
-
-def corrections_hint(found: Diagnosis, output: Path) -> list[str]:
-    """The command that writes correction tables for a controller; empty where no sure cause can be corrected by such tables."""
-    if not sure_corrections(found):
-        return []
-    return [
-        f"Corrections for a controller with the calibrated geometry: gtpin export {output / 'model'} -o corrections.csv"
-    ]

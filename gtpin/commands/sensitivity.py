@@ -20,6 +20,7 @@ from gtpin.commands.terminal import (
     Tcp,
     chosen,
     progress_of,
+    rendered,
     tell,
     written,
 )
@@ -60,4 +61,4 @@ def sensitivity(
         shown = AccuracyPresentation(analyse(found, q, seed=seed))
         result = shown.write(folder)
     files = written(output, ("sensitivity.csv", "accuracy.json", "report.html"), "report.html")
-    tell(result, f"{shown.terminal()}\n{files}", as_json)
+    tell(result, rendered(shown.terminal(output), files), as_json)

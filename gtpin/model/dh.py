@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,13 @@ from gtpin.model.model import Model
 from gtpin.robot.chain import Chain
 from gtpin.robot.constrained_model import Actuator
 from gtpin.robot.geometry import Geometry
+from gtpin.robot.parameters import rotation_axes
 from gtpin.typing import Floats
 
 PARALLEL = 1e-6
 """Sine of the angle between two axes below which they are parallel."""
+TURNS = ("theta", "alpha", "beta", "ra", "rb")
+"""Names of angles."""
 DETERMINED = 0.5
 """Largest sigma, relative to that of its prior, of a parameter that the data determine: a variance reduction of 75 %.
 Assumed."""
@@ -28,7 +31,8 @@ class DhParameter:
     ``site``: the joint, or ``tool``. ``name``: ``theta`` (the angle at command 0), ``d``, ``a``, ``alpha``, and ``beta``, a
     rotation about the frame's y axis, in the place of ``d`` where the next axis is parallel (Hayati); of the tool ``x`` to
     ``rz`` in the TCP frame. ``nominal``, ``correction``, ``sigma``: m or rad, as ``unit`` says; ``sigma`` is NaN for a nominal
-    geometry. ``determined``: whether the data determine it; all corrections belong together.
+    geometry. ``determined``: whether the data determine it; all corrections belong together. ``motion``: (p,) deviations of
+    the geometry's parameters that it causes, per unit.
     """
 
     site: str
@@ -38,16 +42,24 @@ class DhParameter:
     correction: float
     sigma: float
     determined: bool
+    motion: Floats = field(repr=False, compare=False)
 
 
 def controller_table(model: Model) -> tuple[DhParameter, ...]:
     """The table of a serial arm, by the standard convention, with the corrections that agree best with a calibration.
 
+    Empty where the robot is not a serial arm, or the geometry lacks the six parameters of a joint or of the TCP.
+    """
+    return tuple(p for p in table_with_base(model) if p.site != "base")
+
+
+def table_with_base(model: Model) -> tuple[DhParameter, ...]:
+    """The rows of :func:`controller_table` after those of the first axis: shifts ``a``, ``b`` across it, m, and tilts ``ra``,
+    ``rb``, rad, of the site ``base``, about the directions of :func:`~gtpin.robot.parameters.rotation_axes`.
+
     The placements of a calibration are redundant parameters; those of a table are minimal. Its corrections d are the weighted
     least squares estimate from the calibration's deviations m with covariance C, where V d are the deviations that d causes:
     ``(V' C^-1 V)^-1 V' C^-1 m``. The pose of the first axis in the base frame, which no table has, is estimated with them.
-
-    Empty where the robot is not a serial arm, or the geometry lacks the six parameters of a joint or of the TCP.
     """
     geometry, covariance, chain = model.geometry, model.covariance, chain_of(model.robot)
     size = len(geometry.parameters)
@@ -55,9 +67,9 @@ def controller_table(model: Model) -> tuple[DhParameter, ...]:
         return ()
     if model.joint_covariance is not None:
         covariance = model.joint_covariance[:size, :size]
-    rows, V, fixed = _directions(geometry)
+    rows, V = _directions(geometry)
     if covariance is None or not geometry.deviation.any():
-        return tuple(DhParameter(*row, 0.0, np.nan, False) for row in rows)
+        return tuple(DhParameter(*row, 0.0, np.nan, False, way) for row, way in zip(rows, V.T, strict=True))
     # A free target's deviations count from where it was seen at first.
     start = np.zeros(V.shape[1])
     start[-6:] = [p.nominal for p in geometry.parameters if p.kind == "platform"]
@@ -65,8 +77,8 @@ def controller_table(model: Model) -> tuple[DhParameter, ...]:
     spread = np.linalg.inv(V.T @ half)
     found, sigma = start + spread @ (half.T @ geometry.deviation), np.sqrt(np.diag(spread))
     before = np.sqrt(np.diag(np.linalg.inv((V / geometry.tolerance[:, None] ** 2).T @ V)))
-    told = zip(rows, found[fixed:], sigma[fixed:], (sigma <= DETERMINED * before)[fixed:], strict=True)
-    return tuple(DhParameter(*row, float(c), float(s), bool(known)) for row, c, s, known in told)
+    columns = zip(rows, found, sigma, sigma <= DETERMINED * before, V.T, strict=True)
+    return tuple(DhParameter(*row, float(c), float(s), bool(known), way) for row, c, s, known, way in columns)
 
 
 def chain_of(robot: Chain) -> tuple[Actuator, ...]:
@@ -77,8 +89,8 @@ def chain_of(robot: Chain) -> tuple[Actuator, ...]:
     return tuple(of[joint] for joint in robot.moving_joints)
 
 
-def _directions(geometry: Geometry) -> tuple[list[tuple[str, str, str, float]], Floats, int]:
-    """The rows of the table; (p, f + r) motion of the geometry's parameters by f of the base, then by each row; and f."""
+def _directions(geometry: Geometry) -> tuple[list[tuple[str, str, str, float]], Floats]:
+    """Site, name, unit and nominal value of each row, the base's first; (p, r) motion of the geometry's parameters by each."""
     robot = geometry.robot
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.with_commands(robot.neutral, np.zeros(robot.n_actuators)))
@@ -87,14 +99,16 @@ def _directions(geometry: Geometry) -> tuple[list[tuple[str, str, str, float]], 
     index = {(p.kind, p.part, p.component): i for i, p in enumerate(geometry.parameters)}
 
     def add(site: str, name: str, value: float, joint: int, twist: Any) -> None:
-        rows.append((site, name, "rad" if name in ("theta", "alpha", "beta") else "m", value))
+        rows.append((site, name, "rad" if name in TURNS else "m", value))
         motions.append((joint, np.asarray(data.oMi[joint].actInv(twist).vector)))
 
     actuators = chain_of(robot)
     first = actuators[0]
-    across = np.linalg.svd(first.axis[None])[2][1:]
-    base = [pin.Motion(e, np.zeros(3)) for e in across] + [_about(e, first.origin) for e in across]
-    motions += [(first.joint_id, np.asarray(data.oMi[first.joint_id].actInv(m).vector)) for m in base]
+    across = dict(zip("ab", rotation_axes(first.axis), strict=False))
+    for name, axis in across.items():
+        add("base", name, 0.0, first.joint_id, pin.Motion(axis, np.zeros(3)))
+    for name, axis in across.items():
+        add("base", f"r{name}", 0.0, first.joint_id, _about(axis, first.origin))
     x_before: Floats | None = None
     origin = first.origin - first.axis * (first.origin @ first.axis)  # the foot of the base frame's origin
     for own, after in zip(actuators, [*actuators[1:], None], strict=True):
@@ -135,7 +149,7 @@ def _directions(geometry: Geometry) -> tuple[list[tuple[str, str, str, float]], 
         V[[index["placement", robot.model.names[joint], c] for c in range(6)], k] = twist
     tool = [i for i, p in enumerate(geometry.parameters) if p.kind == "platform"]
     rows += [("tool", p.name.split(".")[-1], p.unit, 0.0) for p in (geometry.parameters[i] for i in tool)]
-    return rows, np.hstack([V, np.eye(len(V))[:, tool]]), len(base)
+    return rows, np.hstack([V, np.eye(len(V))[:, tool]])
 
 
 def _about(axis: Floats, point: Floats) -> Any:

@@ -3,8 +3,9 @@ parameter."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +15,9 @@ from gtpin.accuracy.analysis import Accuracy
 from gtpin.accuracy.figures import FILES, UNITS, write_accuracy
 from gtpin.accuracy.workspace import Workspace
 from gtpin.errors import ModelError
-from gtpin.output.shown import Presentation
 from gtpin.report.embedded import Plot, PlotChoice
 from gtpin.report.figure import SCALE, Drawing, alone, colorbar, titled
-from gtpin.report.page import Lead, Plots, Section, Table, report
+from gtpin.report.page import Lead, PagePresentation, Plots, Section, Step, Table
 from gtpin.report.provenance import provenance
 from gtpin.report.residual_plots import scale_of
 from gtpin.report.sketch import drawing
@@ -57,34 +57,63 @@ ERRORS = (("position", "m"), ("orientation", "rad"))
 
 
 @dataclass(frozen=True)
-class AccuracyPresentation(Presentation):
+class AccuracyPresentation(PagePresentation):
     """An accuracy analysis; its table is that of the sensitivity."""
 
     accuracy: Accuracy
     files = (*FILES, "report.html")
 
-    def short(self) -> str:
-        """The expected errors, and where."""
-        values = self.accuracy.to_json()
-        where = f"{_where(self.accuracy)} ({values['poses']} poses)"
-        lines = [f"Expected error of {values['robot']} {where}, from {values['uncertainty']}:"]
+    @property
+    def title(self) -> str:
+        """The title of the page."""
+        return f"Accuracy of {self.accuracy.model.robot.name}"
+
+    @cached_property
+    def lead(self) -> Lead:
+        """The errors to expect, and the parameter that moves the TCP most."""
+        found, values = self.accuracy, self.accuracy.to_json()
+        numbers = []
         for what, unit in ERRORS:
-            error = values["expected"][what]
-            if error is None:
-                lines.append(f"  {what:<12} constant: the arm is reduced")
-                continue
-            mean, p95, largest = (f"{error[key] * 1e6:.1f} u{unit}" for key in ("mean", "p95", "maximum"))
-            lines.append(
-                f"  {what:<12} mean {mean}; 95 % of machines and poses below {p95}; largest of a machine, on average, "
-                f"{largest}"
-            )
-        return "\n".join(lines)
+            if error := values["expected"][what]:
+                numbers += [
+                    (quantity(error["mean"], unit), f"expected {what} error, mean"),
+                    (quantity(error["p95"], unit), "95 % of machines and poses have less"),
+                    (quantity(error["maximum"], unit), "largest of a machine, on average"),
+                ]
+            else:
+                numbers.append(("none", f"{what} error: the arm is reduced"))
+        where = "over the ranges of the drives" if found.filling else "at the given commands"
+        mean = quantity(values["expected"]["position"]["mean"], "m")
+        advice = [_greatest(found), *([MEASURED] if found.filling and found.model.covariance is not None else [])]
+        measure = "To replace the tolerances by an identified geometry, measure poses:"
+        return Lead(
+            f"{self.title} · {values['poses']} poses",
+            f"Expect a position error of {mean} on average {where}, from {values['uncertainty']}.",
+            advice,
+            numbers,
+            sketch=drawing(found.model),
+            steps=[Step(measure, "gtpin calibrate DATASET -o calibrated")] if found.model.covariance is None else [],
+        )
 
-    def text(self) -> str:
-        """The expected errors, and the sensitivity to each parameter."""
-        return f"{self.short()}\n\n{self.table().to_string(index=False)}\n"
+    @cached_property
+    def sections(self) -> Sequence[Section]:
+        """Maps, the sensitivity to each parameter, and dexterity."""
+        found, space, steps = self.accuracy, self.accuracy.space, self.accuracy.sensitivity
+        quantities, plots = slices(found)
+        volume = f", about {space.volume:.3g} m³ within reach" if space.volume else ""  # a planar robot has none
+        within = WITHIN[space.filled].format(volume=volume, postures=len(space.q))
+        about = f"Mean change of the TCP's position, µm, by a step of {steps.step} {LEGEND['rx' in steps.parameters]}"
+        measures = _dexterity(found.to_json()["dexterity"], ONE_AT[space.dexterity.one_at])
+        return [
+            Section("maps", "Over the workspace", [Plots(plots, within, [quantities])]),
+            Section("parameters", "What moves the TCP", [about, _steps(found)]),
+            Section("dexterity", "Dexterity", [measures]),
+        ]
 
-    terminal = short
+    @property
+    def origin(self) -> Table:
+        """Versions, and the seed of the analysis."""
+        return provenance(None, self.accuracy.model.robot, self.accuracy.seed)
 
     def table(self) -> pd.DataFrame:
         """The columns of sensitivity.csv."""
@@ -93,8 +122,7 @@ class AccuracyPresentation(Presentation):
     def write(self, folder: Path) -> dict[str, object]:
         """Write the files of ``gtpin sensitivity``; return the content of the JSON."""
         write_accuracy(self.accuracy, folder)
-        page = sensitivity_page(self.accuracy, seed=self.accuracy.seed)
-        (folder / "report.html").write_text(page, encoding="utf-8")
+        (folder / "report.html").write_text(self.page(), encoding="utf-8")
         return self.accuracy.to_json()
 
     def parameters(self) -> Figure:
@@ -105,40 +133,6 @@ class AccuracyPresentation(Presentation):
     def workspace(self, quantity: str) -> Figure:
         """Slices of the workspace, coloured by a quantity."""
         return workspace_map(self.accuracy, quantity)
-
-
-def _where(found: Accuracy) -> str:
-    return "over the ranges of the drives" if found.filling else "at the given commands"
-
-
-def sensitivity_page(found: Accuracy, *, seed: int = 0) -> str:
-    """The whole report of an accuracy analysis as one self-contained HTML file; ``seed``: that of the analysis, to be
-    recorded."""
-    model, values, space, steps = found.model, found.to_json(), found.space, found.sensitivity
-    mean = quantity(values["expected"]["position"]["mean"], "m")
-    headline = f"Expect a position error of {mean} on average {_where(found)}, from {values['uncertainty']}."
-    numbers = []
-    for what, unit in ERRORS:
-        if error := values["expected"][what]:
-            numbers += [
-                (quantity(error["mean"], unit), f"{what} error, mean"),
-                (quantity(error["p95"], unit), "95 % of machines and poses have less"),
-                (quantity(error["maximum"], unit), "largest of a machine, on average"),
-            ]
-    quantities, plots = slices(found)
-    volume = f", about {space.volume:.3g} m³ within reach" if space.volume else ""  # a planar robot has none
-    within = WITHIN[space.filled].format(volume=volume, postures=len(space.q))
-    legend = LEGEND["rx" in steps.parameters]
-    advice = [_greatest(found), *([MEASURED] if found.filling and model.covariance is not None else [])]
-    about = f"Mean change of the TCP's position, µm, by a step of {steps.step} {legend}"
-    sections = [
-        Section("maps", "Over the workspace", [Plots(plots, within, [quantities])]),
-        Section("parameters", "What moves the TCP", [about, _steps(found)]),
-        Section("dexterity", "Dexterity", [_dexterity(values["dexterity"], ONE_AT[space.dexterity.one_at])]),
-    ]
-    name = f"Accuracy of {model.robot.name}"
-    lead = Lead(f"{name} · {values['poses']} poses", headline, advice, numbers, sketch=drawing(model))
-    return report(name, lead, sections, provenance(None, model.robot, seed))
 
 
 def _mean_step(found: Accuracy) -> Floats:

@@ -11,22 +11,18 @@ import numpy as np
 
 from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.result import Calibration
+from gtpin.model.departures import departures
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
-from gtpin.report.calibration_text import (
-    calibration_summary,
-    calibration_text,
-    cannot_judge,
-    error_of,
-    scatters,
-    unseen_words,
-)
-from gtpin.report.page import Lead, report
+from gtpin.report.calibration_text import cannot_judge, error_of, scatters, unseen_words
+from gtpin.report.geometry import geometry_line, geometry_table
+from gtpin.report.page import Lead, Table
 from gtpin.report.provenance import provenance
-from gtpin.report.sections import FitPresentation, Reported, sections
-from gtpin.report.sections.parameters import geometry_tables
+from gtpin.report.sections import FitPresentation, Reported
+from gtpin.report.sections.parameters import parameter_table
 from gtpin.report.sketch import drawing
-from gtpin.report.words import joined, quantity
+from gtpin.report.steps import calibration_steps
+from gtpin.report.words import quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,24 +41,34 @@ class CalibrationPresentation(FitPresentation):
     calibration: Calibration
     files = CALIBRATION
 
-    def short(self) -> str:
-        """Numbers of parameters and poses, the errors, and chi-square."""
-        c = self.calibration
-        sizes = [(error_of(b), quantity(b.before, b.unit), quantity(b.after, b.unit)) for b in c.by_instrument]
-        errors = "\n".join(f"{what}, RMS: {before} nominal, {after} calibrated" for what, before, after in sizes)
-        return (
-            f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} measurements\n"
-            f"{errors}\n"
-            f"chi-square per degree of freedom: {c.chi2_per_dof:.3f}"
+    @property
+    def title(self) -> str:
+        """The title of the page."""
+        return f"Calibration of {self.calibration.model.robot.name}"
+
+    @cached_property
+    def lead(self) -> Lead:
+        """From the nominal to the calibrated geometry, which parameters make it, and what to do."""
+        c, q = self.calibration, self.reported.dataset.q
+        found = departures(c.model, q)
+        tone, badge, headline, advice = _verdict(c)
+        return Lead(
+            f"{self.title} · {len(c.names)} parameters from {c.poses} measurements",
+            "\n".join(filter(None, (geometry_line(found), headline))),
+            advice,
+            _numbers(c),
+            badge,
+            tone,
+            drawing(c.model, q.mean(axis=0)),
+            content=geometry_table(found),
+            steps=calibration_steps(c),
+            warnings=c.warnings,
         )
 
-    def text(self) -> str:
-        """The content of ``report.txt``."""
-        return calibration_text(self.calibration)
-
-    def terminal(self) -> str:
-        """The fit, the noise, and the number of observable directions."""
-        return calibration_summary(self.calibration)
+    @property
+    def origin(self) -> Table:
+        """Versions and digests."""
+        return provenance(self.reported.dataset, self.calibration.model.robot)
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter: ``value sigma low high unit nominal tolerance learned``, by its name."""
@@ -81,16 +87,15 @@ class CalibrationPresentation(FitPresentation):
 
     def parameters(self) -> Figure:
         """The report's table of all parameters."""
-        _, every = geometry_tables(self.calibration)
-        return every.figure("Parameters of the geometry")
+        return parameter_table(self.calibration).figure("Parameters of the geometry")
 
     def write(self, folder: Path) -> dict[str, object]:
         """Write ``model/``, ``calibration.json``, ``report.txt`` and ``report.html``; return the content of the JSON."""
         c, result = self.calibration, self.calibration.to_json()
         write_model(c.model, folder / "model")
         (folder / "calibration.json").write_text(json_text(result), encoding="utf-8")
-        (folder / "report.txt").write_text(calibration_text(c), encoding="utf-8")
-        (folder / "report.html").write_text(calibration_page(c), encoding="utf-8")
+        (folder / "report.txt").write_text(self.text(), encoding="utf-8")
+        (folder / "report.html").write_text(self.page(), encoding="utf-8")
         return result
 
     def unseen(self) -> tuple[str, ...]:
@@ -100,54 +105,37 @@ class CalibrationPresentation(FitPresentation):
         return unseen_words(c.model.geometry, found.directions[:, unseen], found.variance_reduction[unseen], c.remedies)
 
 
-def calibration_page(c: Calibration) -> str:
-    """The whole report of a calibration as one self-contained HTML file: fit, parameters, unobservable directions."""
-    robot, reported = c.model.robot, Reported(c)
-    tone, badge, headline, advice = _verdict(c)
-    lead = Lead(
-        f"Calibration of {robot.name} · {len(c.names)} parameters from {c.poses} measurements",
-        headline,
-        advice,
-        _numbers(c),
-        badge,
-        tone,
-        drawing(c.model, reported.dataset.q.mean(axis=0)),
-    )
-    return report(f"Calibration of {robot.name}", lead, sections(reported), provenance(reported.dataset, robot))
-
-
 def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
-    changes, others = [], []
+    """Tone, badge, headline and advice."""
     for one in c.by_instrument:
-        before, after, out = (quantity(value, one.unit) for value in (one.before, one.after, one.left_out))
-        changes.append(f"the {error_of(one)} from {before} to {after}")
-        others.append(out if len(c.by_instrument) == 1 else f"{out} ({error_of(one)})")
-    headline = (
-        f"Calibration reduces {joined(changes)}, RMS, on the fitted poses. "
-        f"At poses that are left out of the fit {'it is' if len(others) == 1 else 'they are'} {joined(others)}."
-    )
+        # Errors at poses that were fitted say nothing of other poses.
+        if one.left_out > one.before:
+            before, out = (quantity(value, one.unit) for value in (one.before, one.left_out))
+            headline = (
+                f"These poses are too few for {len(c.names)} parameters: at poses left out of the fit, the {error_of(one)} is "
+                f"{out}, and {before} with the nominal geometry."
+            )
+            return "bad", "too few poses", headline, []
     if not c.explained:
-        advice = [
-            f"The mean residuals of the poses are {c.sigma_scale:.2f} times their noise: "
-            "geometry alone does not explain these data.",
-            "gtpin diagnose finds the causes of the rest. The sigmas below are enlarged accordingly.",
-        ]
-        return "warn", "not all explained", headline, advice
+        headline = (
+            f"Geometry alone does not explain these data: the mean residuals of the poses are {c.sigma_scale:.2f} times their "
+            "noise."
+        )
+        return "warn", "not all explained", headline, ["The sigmas are multiplied by this ratio."]
     if why := cannot_judge(c):
-        advice = [f"Declare the sigmas. Of chi-square: {why}."]
-        return "accent", "fit not judged", headline, advice
+        headline = "Whether the geometry explains these data can't be judged: their noise is not known."
+        return "accent", "fit not judged", headline, [f"Declare the sigmas. Of chi-square: {why}."]
     if hidden := scatters(c):
-        advice = [hidden, "gtpin diagnose tests whether it has a cause."]
-        return "accent", "fits within its scatter", headline, advice
-    return "good", "fits", headline, ["The residuals agree with the noise of instrument and repeatability."]
+        headline = "The residuals agree with the noise, of which the scatter between visits is a large part."
+        return "accent", "fits within its scatter", headline, [hidden]
+    return "good", "fits", "The residuals agree with the noise of instrument and repeatability.", []
 
 
 def _numbers(c: Calibration) -> list[tuple[str, str]]:
     numbers = []
     for one in c.by_instrument:
-        numbers.append((quantity(one.before, one.unit), f"{error_of(one)}, nominal"))
-        numbers.append((quantity(one.after, one.unit), "calibrated"))
-        numbers.append((quantity(one.left_out, one.unit), "at poses left out of the fit"))
+        numbers.append((quantity(one.before, one.unit), f"nominal geometry: {error_of(one)}, RMS"))
+        numbers.append((quantity(one.left_out, one.unit), "calibrated geometry, at left-out poses"))
         numbers.append((quantity(one.floor, one.unit), "noise alone" if c.noise_known else UNKNOWN))
     meaning = ", which can't judge the fit here" if cannot_judge(c) else f", 1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
     return [*numbers, (f"{c.chi2_per_dof:.2f}", f"chi-square per degree of freedom{meaning}")]

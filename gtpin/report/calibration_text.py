@@ -1,4 +1,4 @@
-"""A calibration in words: its errors, its noise, the directions that it can't see, and the whole report as plain text."""
+"""A calibration in words: its errors, its noise, and the directions that it can't see."""
 
 from __future__ import annotations
 
@@ -13,12 +13,6 @@ from gtpin.report.words import joined, length, quantity
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
-HEAVY = 1.5
-"""Chi-square per degree of freedom above which heavy tails get a warning."""
-ZEROS = """\
-The zero of a drive is not a separate parameter: a shifted zero moves all that the drive carries equally, and is part of
-the values above. Their common shift, as a shift of the zero (at drive position 0)"""
-"""Explanation of the drives' zeros in the report."""
 SHOWN = 8
 """Largest number of listed correlations and unobservable directions."""
 SOURCES = {"declared": "as declared", "repeats": "from repeated visits", "residuals": "from the residuals"}
@@ -37,121 +31,6 @@ WHAT = {
 ALONG = 0.9
 """Smallest absolute cosine between a direction and that in which all lengths grow in proportion, or a single parameter's
 direction, for which the sentence names this growth or this parameter alone. Assumed."""
-
-
-def calibration_text(calibration: Calibration) -> str:
-    """The report of a calibration: fit, noise, parameters, unobservable directions, correlations."""
-    parts = (_fit, _noise, _parameters, _unobservable, _correlations)
-    return "\n\n".join(part(calibration) for part in parts) + "\n"
-
-
-def calibration_summary(calibration: Calibration) -> str:
-    """The fit, the noise, and the number of observable directions, for a terminal."""
-    number = len(calibration.names)
-    seen = number - len(calibration.unobservable)
-    observed = f"The data determine {seen} of {number} directions of the geometry; the others keep their prior means."
-    return "\n\n".join((_fit(calibration), _noise(calibration), observed)) + "\n"
-
-
-def _fit(c: Calibration) -> str:
-    lines = [f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} measurements"]
-    how = "" if any(overruled(c)) else "declare it, or "
-    for one in c.by_instrument:
-        unit = f"u{one.unit}"
-        before, after, out, noise = (f"{1e6 * v:.1f} {unit}" for v in (one.before, one.after, one.left_out, one.floor))
-        lines += [
-            f"  {error_of(one) + ', RMS':<33} {before} nominal -> {after} calibrated",
-            f"    {'at poses left out of the fit':<31} {out}",
-            f"    {'noise alone':<31} {noise if c.noise_known else f'not known: {how}repeat visits'}",
-        ]
-    meaning = cannot_judge(c) or f"1 +- {np.sqrt(2.0 / c.dof):.2f} if it fits"
-    lines += [
-        f"  chi-square per degree of freedom  {c.chi2_per_dof:.2f}  ({meaning})",
-        f"  degrees of freedom                {c.dof:.1f}",
-        f"  iterations                        {c.iterations}",
-    ]
-    if c.rejected:
-        lines.append(f"  set aside                         {', '.join(c.rejected)}")
-    if not c.explained:
-        lines.append(
-            f"  The mean residuals of the poses are {c.sigma_scale:.2f} times their noise: the geometry does not "
-            "explain these\n"
-            "  data. Sigmas below are enlarged accordingly."
-        )
-    return "\n".join(lines)
-
-
-def _noise(c: Calibration) -> str:
-    noise = c.noise
-    lines = ["Noise of the instruments, 1 sigma of a number", *(f"  {words}" for words in noise_words(c))]
-    if noise.sight is not None:
-        lines.append(f"  along the line of sight {noise.range_ratio:.2f} times that across it at the mean range")
-    lines += [f"  {what}: {size * 1e6:.2f} um or urad" for what, size in noise_of_drives(c)]
-    if scatters(c):
-        lines.append(
-            "  That is large: backlash and other effects that vary between visits may be part of it. gtpin diagnose tests this."
-        )
-    if np.isfinite(c.freedom):
-        lines.append(f"  tails heavier than Gaussian: t distribution with {c.freedom:g} degrees of freedom")
-        if c.chi2_per_dof > HEAVY:
-            lines.append("  Either the noise has such tails, or the geometry is incomplete: compare chi-square above.")
-    return "\n".join(lines)
-
-
-def _estimated(name: str, value: float, sigma: float, deviation: float, prior: float) -> str:
-    known = f"{prior:.1e}" if np.isfinite(prior) else "none"
-    return f"  {name:<26}{value:>13.7f}{sigma:>11.2e}{deviation:>+12.2e}{known:>11}  "
-
-
-def _parameters(c: Calibration) -> str:
-    lines = [
-        "Parameters (reduction: variance reduction 1 - (sigma / tolerance)^2; 0 is no information beyond the tolerance)",
-        f"  {'name':<26}{'value':>13}{'sigma':>11}{'- nominal':>12}{'tolerance':>11}  {'unit':<5}{'reduction':>10}",
-    ]
-    known = zip(c.model.geometry.parameters, c.values, c.sigma, c.variance_reduction, strict=True)
-    for p, value, sigma, reduction in known:
-        estimated = _estimated(p.name, value, sigma, value - p.nominal, p.tolerance)
-        lines.append(f"{estimated}{p.unit:<5}{reduction:>10.3f}")
-    if c.unknowns:
-        lines += ["", f"  {'unknown of an instrument':<26}{'value':>13}{'sigma':>11}{'- declared':>12}{'prior':>11}"]
-    for one, deviation in zip(c.unknowns, c.u, strict=True):
-        e = c.unknown(one.name)
-        lines.append(_estimated(one.name, e.value, e.sigma, deviation, one.sigma) + one.unit)
-    if c.zeros:
-        lines += ["", ZEROS, f"  {'drive':<26}{'zero':>13}{'sigma':>11}"]
-        lines += [f"  {z.site:<26}{z.value:>+13.7f}{z.sigma:>11.2e}  {z.unit}" for z in c.zeros]
-    return "\n".join(lines)
-
-
-def _unobservable(c: Calibration) -> str:
-    directions = c.unobservable
-    if not directions:
-        return "The data determine every direction of the geometry."
-    lines = [
-        f"{len(directions)} of {len(c.names)} directions of the geometry are hardly observable with these data; their values "
-        "are\nthe prior means, and change no prediction near the measured poses (weights in tolerances)"
-    ]
-    for direction in directions[:SHOWN]:
-        terms = " ".join([f"{weight:+.2f} {name}" for name, weight in direction.weights.items()][:5])
-        more = " ..." if len(direction.weights) > 5 else ""
-        lines.append(f"  variance reduction {direction.variance_reduction:.3f}  {terms}{more}")
-    lines += [f"  {sentence}" for sentence in grouped(c.words, c.remedies)[:SHOWN]]
-    if len(directions) > SHOWN:
-        lines.append(f"  and {len(directions) - SHOWN} more in calibration.json")
-    indices = ", ".join(f"{name} {value:.3g}" for name, value in c.observability.indices.items())
-    lines.append(f"Observability indices: {indices}")
-    return "\n".join(lines)
-
-
-def _correlations(c: Calibration) -> str:
-    pairs = c.correlated()
-    if not pairs:
-        return "No two parameters are correlated by more than 0.7."
-    lines = [f"Correlations of at least 0.7: {len(pairs)}"]
-    lines += [f"  {rho:+.3f}  {a}  {b}" for a, b, rho in pairs[:SHOWN]]
-    if len(pairs) > SHOWN:
-        lines.append(f"  and {len(pairs) - SHOWN} more in calibration.json")
-    return "\n".join(lines)
 
 
 def error_of(one: InstrumentFit) -> str:
@@ -215,9 +94,9 @@ def scatters(c: Calibration) -> str:
     if c.noise.repeatability <= SCATTERS * c.noise.position_sigma:
         return ""
     return (
-        f"Repeated visits scatter by {length(c.noise.repeatability)} at each actuator, which calibration counts as noise: "
-        "backlash and other effects that vary between visits of one pose may be part of it. Diagnosis can test this if "
-        "directions of approach and speeds were recorded."
+        f"Repeated visits scatter by {length(c.noise.repeatability)} at each actuator. A calibration counts this as noise, but "
+        "backlash and other effects that vary between visits can be part of it. A diagnosis tests this if directions of "
+        "approach and speeds were recorded."
     )
 
 
@@ -260,14 +139,16 @@ def grouped(words: Sequence[str], remedies: Sequence[Remedy | None]) -> tuple[st
     useful = tuple(said for said, remedy in zip(words, remedies, strict=True) if remedy is not None)
     if (others := len(words) - len(useful)) < 2:
         return tuple(words)
-    told = f"{others} other directions hardly move the platform at these poses: no usual measurement would show them."
-    return (*useful, told)
+    rest = (
+        f"{others} other directions hardly move the platform at these poses: no usual measurement would determine them."
+    )
+    return (*useful, rest)
 
 
 def _remedy(remedy: Remedy | None) -> str:
     if remedy is None:
-        return "No usual measurement at these poses would show it: it hardly moves the platform there."
-    return f"{remedy.count} {WHAT[remedy.what].format(axis=remedy.axis)} would show it."
+        return "No usual measurement at these poses would determine it: it hardly moves the platform there."
+    return f"{remedy.count} {WHAT[remedy.what].format(axis=remedy.axis)} would determine it."
 
 
 def _sentence(geometry: Geometry, direction: Floats, sigma: float) -> str:
@@ -278,12 +159,10 @@ def _sentence(geometry: Geometry, direction: Floats, sigma: float) -> str:
     named = [f"{geometry.names[i]} by {_amount(sizes[i], geometry.parameters[i].unit)}" for i in order[:NAMED]]
     listed = ", ".join(named)
     if _is_growth(geometry, direction):
-        return f"The scale of the machine can't be told: all its lengths may grow together ({listed}, ...), 1 sigma."
+        return f"The scale of the machine is not determined: all its lengths can change in proportion ({listed}, ...), 1 sigma."
     if abs(direction[order[0]]) > ALONG:
-        return f"{named[0].replace(' by ', ' may be off by ')}, 1 sigma: these readings hardly show it."
-    return (
-        f"These can't be told apart: they may change together, {listed}, ..., 1 sigma; these readings hardly show it."
-    )
+        return f"{named[0].replace(' by ', ' can be off by ')}, 1 sigma: these readings hardly determine it."
+    return f"Not determined separately: {listed}, ..., 1 sigma, changed together, hardly change these readings."
 
 
 def _amount(value: float, unit: str) -> str:

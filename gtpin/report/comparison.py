@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from rich.console import Group, RenderableType
 
 from gtpin.comparison.result import Comparison
 from gtpin.data import CartMeasurements
@@ -15,10 +17,9 @@ from gtpin.errors import DatasetError
 from gtpin.model.measured_robot import robot_of
 from gtpin.output.figure import new_figure, write_figures
 from gtpin.output.results import json_text
-from gtpin.output.shown import Presentation
 from gtpin.report.embedded import Plot, PlotChoice
 from gtpin.report.figure import ACCENT, FIT, GOOD, INK, SOFT, WARN, Drawing, alone, scatter, titled
-from gtpin.report.page import Lead, Plots, Section, Table, report
+from gtpin.report.page import Lead, PagePresentation, Plots, Section, Step, Table, in_terminal
 from gtpin.report.provenance import provenance
 from gtpin.report.residual_plots import shown
 from gtpin.report.words import whole
@@ -43,26 +44,53 @@ UNKNOWN = (float("nan"), float("nan"))
 
 
 @dataclass(frozen=True)
-class ComparisonPresentation(Presentation):
+class ComparisonPresentation(PagePresentation):
     """A comparison; its table has a row for each model."""
 
     comparison: Comparison
     files = ("compare.csv", "compare.json", "position_errors.png", "report.html")
 
-    def short(self) -> str:
-        """The models with their mean errors, and the number of poses."""
-        c = self.comparison
-        models = ", ".join(f"{held.model} ({1e6 * held.position.mean():.0f} µm)" for held in c.held)
-        return f"Comparison of models on {len(c.held[0].position)} held-out poses\nmean position error: {models}"
+    @property
+    def title(self) -> str:
+        """The title of the page."""
+        return f"Models of {robot_of(self.comparison.dataset).name} compared"
 
-    def text(self) -> str:
-        """What ``gtpin compare`` prints: position errors of each model on held-out poses."""
-        lines = ["model   mean (95 %)          max     rms    um, held-out position error"]
-        for row, interval in zip(self.table().itertuples(), self.comparison.intervals(), strict=True):
-            low, high = interval["mean_um"] or UNKNOWN
-            mean = f"{row.model:>5}   {row.mean_um:5.0f} ({low:.0f} .. {high:.0f})"
-            lines.append(f"{mean:<28}{row.max_um:6.0f}  {row.rms_um:6.0f}")
-        return "\n".join(lines) + "\n"
+    @cached_property
+    def lead(self) -> Lead:
+        """The model that predicts best."""
+        c = self.comparison
+        best = min(c.held, key=lambda held: float(held.position.mean())).model
+        step = Step(
+            f"To identify model {best} from all poses:", f"gtpin calibrate DATASET -o calibrated --model {best}"
+        )
+        eyebrow = f"Models 1 to 5 of Dressler et al. 2010 · {len(c.held[0].position)} held-out poses"
+        return Lead(eyebrow, *_verdict(c), steps=[step])
+
+    @cached_property
+    def sections(self) -> Sequence[Section]:
+        """Errors, angles and tracks, as far as they were measured."""
+        c, carts = self.comparison, self.comparison.dataset.carts
+        sections = [_errors(c)]
+        if any(held.angles is not None for held in c.held):
+            plot = Plot("angles", "Orientation errors pose by pose", partial(angles_drawing, c), (ANGLES,))
+            words = "Measured less predicted ZYZ Euler angles."
+            sections.append(Section("angles", "Orientation errors", [Plots([plot], words, [ANGLES])]))
+        if carts is not None:
+            title = "What a straight line leaves of each cart's measured track"
+            plot = Plot("carts", title, partial(carts_drawing, carts), height=320)
+            words = "Residuals of a linear fit to each cart's measured positions."
+            sections.append(Section("carts", "The carts' tracks", [words, Plots([plot])]))
+        return sections
+
+    @property
+    def origin(self) -> Table:
+        """Versions, seed and digests."""
+        c = self.comparison
+        return provenance(c.dataset, robot_of(c.dataset), c.seed)
+
+    def terminal(self, folder: Path | None = None) -> RenderableType:
+        """The first screen, and the errors of each model."""
+        return Group(super().terminal(folder), *in_terminal(_errors(self.comparison).content))
 
     def table(self) -> pd.DataFrame:
         """The columns of compare.csv."""
@@ -70,12 +98,12 @@ class ComparisonPresentation(Presentation):
 
     def write(self, folder: Path) -> dict[str, object]:
         """Write the files of ``gtpin compare`` (without matplotlib: no picture); return the content of the JSON."""
-        told = self.comparison.to_json()
+        content = self.comparison.to_json()
         self.table().to_csv(folder / "compare.csv", index=False, lineterminator="\n")
-        (folder / "compare.json").write_text(json_text(told), encoding="utf-8")
-        (folder / "report.html").write_text(comparison_page(self.comparison), encoding="utf-8")
+        (folder / "compare.json").write_text(json_text(content), encoding="utf-8")
+        (folder / "report.html").write_text(self.page(), encoding="utf-8")
         write_figures(lambda: {"position_errors": position_errors(self.comparison)}, folder)
-        return told
+        return content
 
     def errors(self) -> Figure:
         """Position errors of each model."""
@@ -84,23 +112,6 @@ class ComparisonPresentation(Presentation):
     def angles(self, angle: str) -> Figure:
         """Errors of an Euler angle."""
         return alone(angles_drawing(self.comparison, angle), f"Errors of the Euler angle {angle} on held-out poses")
-
-
-def comparison_page(c: Comparison) -> str:
-    """The whole report of a comparison as one self-contained HTML file."""
-    robot, carts = robot_of(c.dataset), c.dataset.carts
-    eyebrow = f"Models 1 to 5 of Dressler et al. 2010 · {robot.name} · {len(c.held[0].position)} held-out poses"
-    lead, sections = Lead(eyebrow, *_verdict(c)), [_errors(c)]
-    if any(held.angles is not None for held in c.held):
-        plot = Plot("angles", "Orientation errors pose by pose", partial(angles_drawing, c), (ANGLES,))
-        words = "Measured less predicted ZYZ Euler angles."
-        sections.append(Section("angles", "Orientation errors", [Plots([plot], words, [ANGLES])]))
-    if carts is not None:
-        title = "What a straight line leaves of each cart's measured track"
-        plot = Plot("carts", title, partial(carts_drawing, carts), height=320)
-        words = "Residuals of a linear fit to each cart's measured positions."
-        sections.append(Section("carts", "The carts' tracks", [words, Plots([plot])]))
-    return report(f"Models of {robot.name} compared", lead, sections, provenance(c.dataset, robot, c.seed))
 
 
 def _errors(c: Comparison) -> Section:

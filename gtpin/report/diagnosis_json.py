@@ -11,6 +11,7 @@ from gtpin.diagnosis.inference.findings import Cause, Member
 from gtpin.diagnosis.linear.cross_validation import ASKED, TOGETHER, Gap
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.effects.sites import joints
+from gtpin.model.departures import departures
 from gtpin.report.phrases import reason_words
 from gtpin.report.words import number_word
 
@@ -18,6 +19,10 @@ from gtpin.report.words import number_word
 def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
     """The content of ``diagnosis.json``."""
     none, where, unexplained = d.verdict == "none", d.where, d.unexplained
+    geometry = [
+        _of(one, "value", "sigma", "unit", "position_rms") | {"parameter": one.name}
+        for one in (departures(d.model, d.dataset.q) if isinstance(d, Diagnosis) else ())
+    ]
     regions = [{"box": np.asarray(box).tolist(), "share": share} for box, share in where.region]
     return {
         "schema": "gtpin-diagnosis/1",
@@ -29,7 +34,7 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
             | {"reason": reason_words(c.reason, c.site)}
             for c in d.candidates
         ],
-        "where": _of(where, "rod", "site", "axis", "covariate") | {"region": regions},
+        "where": _of(where, "rod", "site", "axis", "covariate") | {"region": regions, "geometry": geometry},
         "gap": {
             **_errors(d.gap),
             "shrinkage": None if none else d.gap.explained_fraction,
@@ -105,9 +110,7 @@ def gap_method(gap: Gap) -> str:
     if gap.hold_out == "session":
         other = f"what another session may show, {fitted} and how much the {gap.blocks} differ"
     if gap.sessions < 2:
-        other += (
-            "; the data are of one session, as far as they tell, so that the interval ignores what another day brings"
-        )
+        other += "; the data are of one session, as far as is known, so that the interval ignores changes between days"
     return f"{left_out[gap.hold_out]} left out in turn; interval: {other}"
 
 

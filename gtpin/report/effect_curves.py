@@ -254,10 +254,10 @@ def reach(found: Sequence[EffectCurve]) -> str:
         if not seen:
             continue
         most = max(seen, key=lambda curve: curve.range)
-        told = f"{most.name}: {quantity(most.range, unit)} peak to peak"
+        far = f"{most.name}: {quantity(most.range, unit)} peak to peak"
         if most.lever is not None and not most.name.startswith("shift along"):  # such a shift is the TCP's own
-            told += f", {quantity(most.lever * most.range, 'm')} at the TCP"
-        words.append(told)
+            far += f", {quantity(most.lever * most.range, 'm')} at the TCP"
+        words.append(far)
     return "; ".join(words)
 
 
@@ -280,7 +280,7 @@ def _traces(
     effect = {"name": line.label or f"effect, 95 % {'band' if curve.smooth else 'bars'}", "legendrank": rank}
     if not curve.smooth:
         bars = {"type": "data", "array": reach, "color": color, "thickness": 1, "width": 0}
-        return [points, scatter("markers", x, y, marker={"color": color, "size": 5}, error_y=bars, **effect)]
+        return [scatter("markers", x, y, marker={"color": color, "size": 5}, error_y=bars, **effect), points]
     # The band is filled in two parts, below and above the effect, so that the legend shows the effect on its band.
     filled = {"fill": "tonexty", "fillcolor": band}
     edge = {"hoverinfo": "skip", "showlegend": False, "line": {"width": 0}}

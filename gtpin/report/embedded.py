@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from gtpin.report.figure import LIGHT, LOOK, Drawing, name_of
+from gtpin.report.figure import LIGHT, LOOK, Drawing
 
 FEW = 8
 """Largest number of entries of a list that is written where it is used."""
@@ -52,29 +52,18 @@ class Plot:
     height: int = 340
     whole: bool = False
 
-    def drawings(self) -> dict[tuple[str, ...], Drawing]:
-        """The drawings, by the options that are chosen; those of the last choice vary fastest."""
+    def drawings(self) -> list[Drawing]:
+        """The drawings, one for each combination of options; those of the last choice vary fastest."""
         names = [choice.name for choice in self.follows]
         options = product(*([value for value, _ in choice.options] for choice in self.follows))
-        return {chosen: self.draw(**dict(zip(names, chosen, strict=True))) for chosen in options}
+        return [self.draw(**dict(zip(names, chosen, strict=True))) for chosen in options]
 
 
-class Mark(NamedTuple):
-    """An entry of a legend: a trace's name, shape and colour's name, and ``choice=option`` where only one option has it."""
-
-    name: str
-    shape: str
-    color: str
-    when: str
-
-
-@dataclass(frozen=True)
-class Embedded:
-    """A plot for the page's template: its JSON, and, by name, shape and colour of each trace, the options that have it."""
+class Embedded(NamedTuple):
+    """A plot for the page's template, and its JSON."""
 
     plot: Plot
     json: Markup
-    marks: Mapping[tuple[str, str, str], frozenset[tuple[str, ...]]]
 
 
 @dataclass
@@ -87,15 +76,12 @@ class Shared:
 
     def embed(self, plot: Plot) -> Embedded:
         """Draw a plot's figures, and write them with references to the shared parts."""
-        figures: list[dict[str, Any]] = []
-        marks: dict[tuple[str, str, str], frozenset[tuple[str, ...]]] = {}
-        for chosen, made in plot.drawings().items():
+        figures = []
+        for made in plot.drawings():
             self.kinds |= {trace.get("type", "scatter") for trace in made.traces}
             figures.append(self._written({"data": made.traces, "layout": made.layout}))
-            for look in filter(None, map(_look, made.traces)):
-                marks[look] = marks.get(look, frozenset()) | {chosen}
         follows = [[choice.name, len(choice.options)] for choice in plot.follows]
-        return Embedded(plot, script({"follows": follows, "figures": figures}), marks)
+        return Embedded(plot, script({"follows": follows, "figures": figures}))
 
     @property
     def json(self) -> Markup:
@@ -124,26 +110,6 @@ class Shared:
             self._known[key] = len(self.parts)
             self.parts.append(plain(value))
         return {"ref": self._known[key]}
-
-
-def key_of(embedded: Sequence[Embedded]) -> list[Mark]:
-    """The legend of several plots: each kind of trace once."""
-    marks: dict[str, Mark] = {}
-    for name, shape, color in dict.fromkeys(look for one in embedded for look in one.marks):
-        when = ""
-        for i, choice in enumerate(embedded[0].plot.follows):
-            options = {chosen[i] for one in embedded for chosen in one.marks.get((name, shape, color), ())}
-            if len(options) == 1 < len(choice.options):
-                when = f"{choice.name}={options.pop()}"
-        marks.setdefault(name, Mark(name, shape, color, when))
-    return list(marks.values())
-
-
-def _look(trace: Mapping[str, Any]) -> tuple[str, str, str] | None:
-    color = (trace.get("line") or trace.get("marker") or {}).get("color")
-    if "name" not in trace or not isinstance(color, str):
-        return None
-    return trace["name"], trace.get("mode", trace.get("type", "scatter")), name_of(color)
 
 
 def script(content: Mapping[str, Any]) -> Markup:

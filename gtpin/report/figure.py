@@ -65,11 +65,6 @@ LOOK: Mapping[str, Any] = {
 """Layout of all figures, as plotly's template. A page replaces its colours by those of the light or dark palette."""
 
 
-def name_of(color: str) -> str:
-    """The name of a colour of figures."""
-    return next(name for name, value in LIGHT.items() if value == color)
-
-
 def has_plotly() -> bool:
     """Whether plotly is installed."""
     return find_spec("plotly") is not None

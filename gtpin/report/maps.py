@@ -81,15 +81,13 @@ def workspace_figure(residuals: Residuals, view: str = "xy", *, after: bool = Fa
     For readings, colours show the residuals over their sigmas. ``after``: as in :func:`residual_figure`.
     """
     scale = MapScale.of(residuals)
-    unit, title = "sigmas", "Errors of readings over their sigma"
+    title = "Errors of readings over their sigma"
     if residuals.of_poses:
-        unit, title = scale.unit, f"Position residuals, directions magnified {scale.magnified:,.0f} times"
-    return alone(_map(residuals, view, scale, after, bar=unit), title)
+        title = f"Position residuals, directions magnified {scale.magnified:,.0f} times"
+    return alone(_map(residuals, view, scale, after), title)
 
 
-def _map(
-    residuals: Residuals, view: str, scale: MapScale, after: bool, instrument: str = ALL, bar: str = ""
-) -> Drawing:
+def _map(residuals: Residuals, view: str, scale: MapScale, after: bool, instrument: str = ALL) -> Drawing:
     names, of = [one.name for one in residuals.readings.instruments], residuals.readings.rows.of
     mine = np.arange(len(residuals)) if instrument == ALL else np.flatnonzero(of == names.index(instrument))
     rows = mine[shown(len(mine))]
@@ -98,7 +96,7 @@ def _map(
     if len(names) > 1:
         said = np.array([f"{words}, {names[i]}" for words, i in zip(said, of[rows], strict=True)], dtype=object)
     marker = {"colorscale": SCALE, "cmin": 0, "cmax": scale.top, "color": scale.factor * sizes(residuals, after)[rows]}
-    marker |= {"showscale": True, "colorbar": colorbar(bar)} if bar else {}
+    marker |= {"showscale": True, "colorbar": colorbar(scale.unit)}
     hover = f"pose %{{text}}: %{{marker.color:.3g}} {scale.unit}<extra></extra>"
     traces = [map_points(T, view, said, hover, marker)]
     if scale.magnified:

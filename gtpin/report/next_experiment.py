@@ -21,8 +21,8 @@ from gtpin.report.words import chance, coordinate_words, covariate_unit, joined,
 from gtpin.robot.chain import Chain
 
 FOLDER = "next_experiment"
-WORTH = 0.5
-"""Probability of settling a question from which an experiment is proposed without reserve. Assumed: more likely than not."""
+LIKELY = 0.5
+"""Probability of settling a question from which one experiment alone is proposed. Assumed: more likely than not."""
 NEARLY = 0.9
 """Fraction of a plan's gain from which random poses count as equally good."""
 
@@ -39,7 +39,7 @@ class ExperimentPresentation:
         if e.visits is not None:
             again = _visits(e, e.visits, robot)
             if not e.visits.site:
-                return f"{again}: they tell whether the unknown error repeats."
+                return f"{again}: they show whether the unknown error repeats."
             depends = f"{site_words(e.visits.site)} depends on {coordinate_words(e.visits.coordinates)}"
             return f"{again}: the unknown effect at {depends}."
         return _apart(e, robot) if e.lacking is None else _testable(e, e.lacking, robot)
@@ -89,23 +89,16 @@ def _apart(e: Experiment, robot: Chain) -> str:
     pair = f"{first} from {joined(others or ['no effect'])}"
     if not len(e.poses):
         return f"No reachable poses distinguish {pair}: {_watch(e.watch, robot)}."
-    measure = f"easure these {len(e.poses)} poses to distinguish {pair}{_settings(e, robot)}"
+    measure = f"Measure these {len(e.poses)} poses to distinguish {pair}{_settings(e, robot)}"
     if e.settles is None:
-        return f"M{measure}."
-    odds = chance(e.settles).replace("<", "below").replace(">", "above")
-    likely = f"the question with a probability {'' if odds[0].isalpha() else 'of only ' if e.settles < WORTH else 'of '}{odds}"
-    if e.settles >= WORTH:
-        words = f"M{measure}: this settles {likely}."
-    elif e.rounds is None and e.watch:
-        poor = f"the best {len(e.poses)} poses settle {likely}, and more than {MOST_ROUNDS} times as many are needed"
-        return f"To distinguish {pair}, {_watch(e.watch, robot)}: {poor}."
-    else:
-        words = f"The best measurement of its size settles {likely}: m{measure}."
-    if e.rounds == 1:
-        return words
-    instead = f"; or {_watch(e.watch, robot)}" if e.watch else ""
+        return f"{measure}."
+    if e.settles < LIKELY and e.rounds is None and e.watch:
+        return f"Poses do not distinguish {pair}. Instead, {_watch(e.watch, robot)}."
     count = f"More than {MOST_ROUNDS}" if e.rounds is None else f"About {e.rounds}"
-    return f"{words} {count} such measurements are needed{instead}."
+    more = "" if e.rounds == 1 else f" {count} such measurements are needed."
+    if e.settles < LIKELY:
+        return f"{measure}.{more}"
+    return f"{measure}: this settles the question with a probability of {chance(e.settles)}.{more}"
 
 
 def _testable(e: Experiment, lacking: Lacking, robot: Chain) -> str:
@@ -132,16 +125,19 @@ def _remedy(lacking: Lacking) -> str:
 
 
 def _watch(sites: Sequence[str], robot: Chain) -> str:
-    carts = [site for site in dict.fromkeys(sites) if site in robot.sites]
-    links = [site for site in sites if site == "arm" or site in set(robot.rod_sites) - set(robot.sites)]
-    targets = "separate targets" if len(carts) > 1 else "a separate target"
+    """Another measurement than poses, which shows the motion of some sites."""
+    drives = [site for site in dict.fromkeys(sites) if site in robot.sites]
+    turning = [site for site in drives if robot.actuators[robot.sites.index(site)].revolute]
+    sliding = [site for site in drives if site not in turning]
+    links = [site_words(site) for site in dict.fromkeys(sites) if site not in (*drives, "frame", "platform")]
     words = {
-        f"measure {joined(carts)} directly by {targets}": bool(carts),
-        "measure the length of the links by targets at both ends": bool(links),
-        "measure fixed targets next to the robot": "frame" in sites,
+        f"measure the angle of {joined(turning)} directly: an encoder at the joint, or targets on both of its links": turning,
+        f"measure {joined(sliding)} directly: a scale along the axis, or a target on what it moves": sliding,
+        f"measure {joined(links)} by targets at both ends": links,
+        "measure fixed targets beside the robot": "frame" in sites,
         "measure separately where the target is on the platform": "platform" in sites,
     }
-    return joined([said for said, wanted in words.items() if wanted])
+    return "; or ".join(said for said, wanted in words.items() if wanted)
 
 
 def _visits(e: Experiment, visits: Visits, robot: Chain) -> str:

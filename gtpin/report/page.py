@@ -7,24 +7,30 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+from rich.box import SIMPLE_HEAD
+from rich.console import Console, Group, RenderableType
+from rich.table import Table as Printed
 
-from gtpin.report.embedded import Plot, PlotChoice, Shared, escaped, key_of
+from gtpin.output.shown import Presentation
+from gtpin.report.embedded import Plot, PlotChoice, Shared, escaped
 from gtpin.report.figure import DARK, INK, LIGHT, LINE, Drawing, alone, has_plotly
 from gtpin.report.words import typeset
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
-    from rich.table import Table as Printed
 
+WIDTH = 120
+"""Characters of a line of text."""
 BASIC = frozenset({"scatter", "bar", "pie"})
 """Kinds of traces that the small script of plotly draws."""
 ROW, LOWEST, HIGHEST = 26, 8, 600
@@ -52,9 +58,6 @@ class Table:
 
     def printed(self) -> Printed:
         """The table for a terminal; only the first column and columns of numbers keep their lines whole."""
-        from rich.box import SIMPLE_HEAD
-        from rich.table import Table as Printed
-
         made = Printed(box=SIMPLE_HEAD, pad_edge=False)
         for k, name in enumerate(self.head):
             right = k in self.numbers
@@ -135,17 +138,11 @@ class Plots:
 
     - ``words``, ``choices``: a paragraph above them, and the reader's choices at its end. Where plots can't be drawn, a
       hint is in its place.
-    - ``ramp``: the value at the end of the colour scale, with its unit; empty: no scale is shown.
-    - ``legend``: whether there is one legend for all plots.
-    - ``drawn``: whether the plots are drawn; otherwise only what is above them.
     """
 
     plots: Sequence[Plot]
     words: str = ""
     choices: Sequence[PlotChoice] = ()
-    ramp: str = ""
-    legend: bool = False
-    drawn: bool = True
 
 
 Block = str | Table | Bars | Small | Heading | Items | Fold | Note | Plots
@@ -163,16 +160,26 @@ class Section:
 
 
 @dataclass(frozen=True)
+class Step:
+    """Something to do now, and the command to type; empty: none. In a command, DIR is the folder of the result."""
+
+    words: str
+    command: str = ""
+
+
+@dataclass(frozen=True)
 class Lead:
-    """The first screen of a page.
+    """The first screen of a page and of a terminal.
 
     - ``eyebrow``: what the page is of.
     - ``headline``, ``advice``: the result, a sentence a line, and paragraphs below it.
     - ``numbers``: key figures: value, and what it is.
     - ``badge``, ``tone``: a short verdict, and the name of its colour; empty: none.
     - ``sketch``, ``caption``: a drawing of the machine as SVG, and the text below it.
-    - ``content``: what follows the key figures.
+    - ``content``: what follows the headline.
     - ``hint``: a note that is not printed.
+    - ``steps``: what to do now.
+    - ``warnings``: all warnings about the data.
     """
 
     eyebrow: str
@@ -185,6 +192,89 @@ class Lead:
     caption: str = ""
     content: Sequence[Block] = ()
     hint: str = ""
+    steps: Sequence[Step] = ()
+    warnings: Sequence[str] = ()
+
+    @property
+    def title(self) -> str:
+        """What it is of, and the short verdict."""
+        return f"{self.eyebrow}: {self.badge}" if self.badge else self.eyebrow
+
+    def short(self) -> str:
+        """The result in a few lines."""
+        return "\n".join([self.title, "; ".join(f"{value} {what}" for value, what in self.numbers), self.headline])
+
+    def printed(self, folder: Path | str = "DIR") -> Group:
+        """The first screen for a terminal, without the warnings, which are printed when they arise.
+
+        ``folder``: where the result is written.
+        """
+        wide = max((len(value) for value, _ in self.numbers), default=0)
+        numbers = [f"  {value:>{wide}}  {what}" for value, what in self.numbers]
+        steps = [line for step in self.steps for line in (f"  {step.words}", f"    {step.command}") if line.strip()]
+        todo = ["", "What to do now", *(line.replace("DIR", str(folder)) for line in steps)] if steps else []
+        return Group(self.title, *numbers, "", self.headline, *in_terminal(self.content), *self.advice, *todo)
+
+
+def in_terminal(content: Iterable[Block]) -> Iterator[RenderableType]:
+    """Content for a terminal; of plots nothing is printed."""
+    for block in content:
+        match block:
+            case Table():
+                yield block.printed()
+            case Bars():
+                for title, rows in [("", block.rows), *block.beside]:
+                    if rows:
+                        yield Table((title, ""), [(bar.name, bar.value) for bar in rows], (1,)).printed()
+            case Heading():
+                yield f"\n{block.words}"
+            case Items():
+                yield from (f"- {words}" for words in block.words)
+            case Fold():
+                yield f"\n{block.title}"
+                yield from in_terminal(block.content)
+            case Note():
+                yield from in_terminal(block.content)
+            case Plots():
+                pass
+            case _:
+                words = block.words if isinstance(block, Small) else block
+                yield words.striptags() if isinstance(words, Markup) else words
+
+
+class PagePresentation(Presentation):
+    """A result with a page, which its texts are made from too.
+
+    ``title``: that of the page in a browser. ``sections``: what follows the first screen. ``origin``: versions and digests.
+    """
+
+    title: str
+    lead: Lead
+    sections: Sequence[Section]
+    origin: Table
+
+    def short(self) -> str:
+        """The result in a few lines."""
+        return self.lead.short()
+
+    def terminal(self, folder: Path | None = None) -> RenderableType:
+        """What the result's command prints; ``folder``: where the result is written."""
+        return self.lead.printed(folder or "DIR")
+
+    def text(self) -> str:
+        """The page as plain text, `WIDTH` wide: its words and tables."""
+        console = Console(highlight=False, markup=False, width=WIDTH, color_system=None)
+        with console.capture() as captured:
+            console.print(self.lead.printed())
+            warned = Section("warnings", "Warnings", [Items(self.lead.warnings)])
+            for section in [*self.sections, *([warned] if self.lead.warnings else [])]:
+                if content := list(in_terminal(section.content)):
+                    console.print(f"\n{section.title.upper()}\n", *content, sep="\n")
+        return "\n".join(line.rstrip() for line in captured.get().splitlines()) + "\n"
+
+    def page(self) -> str:
+        """The whole report as one self-contained HTML file."""
+        return report(self.title, self.lead, self.sections, self.origin)
 
 
 def report(
@@ -245,6 +335,6 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.globals.update(light=LIGHT, dark=DARK, key_of=key_of)
+    found.globals.update(light=LIGHT, dark=DARK)
     found.filters["typeset"] = lambda cell: cell if isinstance(cell, Markup) else typeset(str(cell))
     return found

@@ -13,17 +13,17 @@ from gtpin.effects.effect import ChainWords, Effect
 from gtpin.effects.sites import joints, tracks
 from gtpin.effects.untestable import Untestable
 from gtpin.estimate import WIDE, Estimate
-from gtpin.report.words import SITES, capital, chance, joined, percent, quantity, site_words
+from gtpin.report.words import SITES, capital, chance, joined, length, percent, quantity, site_words
 from gtpin.robot.chain import Chain
 
 SURE = 0.95
 """Smallest probability of a certain cause."""
-SHOWN, LINES, NAMED = 6, 2, 3
-"""Numbers of a cause's parameters that a terminal lists (the report lists all), and of periods and members of a class that a
-headline names."""
+SHOWN, LINES = 4, 2
+"""Numbers of a cause's parameters in the table of causes, and of periods, parameters of another member of a class, and lines
+of causes in a headline."""
 TURN = 2.0 * np.pi
 """One turn, rad."""
-TOLD = 0.03
+OVERLAP = 0.03
 """Difference between the sum of shares and their common share from which they are said to overlap."""
 REASONS = {
     "missing": "the covariate {covariate} is missing",
@@ -43,28 +43,29 @@ REASONS = {
 """Why an effect can't be tested, by kind."""
 DOUBTS = {
     "description": (
-        "What moves {site} follows {columns} as any smooth motion could: this describes the error, and is no cause. Left-out "
-        "regions and another site or column tell whether a mechanism is behind it."
+        "The error at {site} is a smooth function of {columns}. This describes the error; it is no cause. To find the "
+        "mechanism, leave out other regions and record other columns."
     ),
-    "restless": "{site} errs from pose to pose by more than repeated visits let it scatter.",
+    "restless": "The errors of {site} differ between poses by more than the scatter of repeated visits.",
     "held_out": (
-        "Poses that were left out of the fit are farther off than the noise that was declared or that repeated visits show, "
-        "or no nearer with causes than without."
+        "The errors at left-out poses exceed the noise that was declared or that repeated visits show, or the causes do not "
+        "reduce them."
     ),
     "excess": (
-        "The residuals are larger than the declared noise, no effect explains the difference, and too few poses were visited "
-        "twice to tell whether it repeats."
+        "The residuals are larger than the declared noise. No effect explains the difference, and too few poses were visited "
+        "twice to show whether it repeats."
     ),
     "visits": (
-        "Visits to the same commands differ otherwise than the declared noise and the drives' repeatability allow: something "
-        "changes between them."
+        "Repeated visits to the same commands differ by more than the declared noise and the repeatability of the drives: "
+        "something changes between the visits."
     ),
     "two_valued": (
-        "The errors of {site} take two values, as play does whose direction of approach is not known: check {columns}, which "
+        "The errors of {site} have two values, like play with an unknown direction of approach. Check {columns}: its values "
         "may belong to other rows."
     ),
-    "scatter": "Visits scatter by more than the instrument, and the columns that would tell why contradict each other.",
-    "chi_square": "Poses are farther from the earlier model than noise and its uncertainty allow, and no change explains them.",
+    "scatter": "Repeated visits scatter by more than the instrument, and the columns that could explain it contradict each "
+    "other.",
+    "chi_square": "The differences from the earlier model exceed noise and its uncertainty, and no change explains them.",
 }
 """Sentences by reason. For other reasons there is a warning, a question or the headline."""
 
@@ -194,64 +195,80 @@ def sized(found: Findings, one: Cause | Member, words: str) -> str:
     return ", ".join(filter(None, (words, size_words(one.parameters, 1 + found.effect(one.effect).has_nonlinear))))
 
 
+def explained_words(found: Findings, cause: Cause) -> str:
+    """The part of an error that goes away with a cause: its root mean square, of positions; else its share of the power.
+
+    With a share f of the power g^2 = before^2 - floor^2 beyond noise, the root mean square is g sqrt(f). Empty where the error
+    does not exceed the noise.
+    """
+    power = found.gap.before**2 - found.gap.floor**2
+    if power <= 0.0:
+        return ""
+    if found.gap.by_instrument:
+        return percent(cause.explained_fraction)
+    return length(float(np.sqrt(power * max(cause.explained_fraction, 0.0))))
+
+
+def explained_part(found: Findings, cause: Cause) -> str:
+    """The part of an error that goes away with a cause: ``38.1 µm, 49 %``, its size and its share of the power beyond noise."""
+    sizes = dict.fromkeys((explained_words(found, cause), percent(cause.explained_fraction)))
+    return ", ".join(sizes) if "" not in sizes else ""
+
+
 def cause_rows(found: Findings) -> list[list[str]]:
-    """Rows of a table for a terminal: causes with probabilities, parameters and shares, each followed by its class."""
+    """Rows of a table: causes with probability, parameters and the part of the error that they explain, each followed by its
+    class. Members of a class that only together could be the cause are one row."""
     rows = []
     for cause in found.causes:
         values = [value(*one) for one in cause.parameters.items()]
         more = [f"and {len(values) - SHOWN} more"] if len(values) > SHOWN else []
-        share = percent(cause.explained_fraction) if found.gap.before > found.gap.floor else ""
         title = f"{found.effect(cause.effect).title}\n  at {site_words(cause.site)}"
-        rows.append([title, chance(cause.probability), "\n".join(values[:SHOWN] + more), share])
+        rows.append([title, chance(cause.probability), "\n".join(values[:SHOWN] + more), explained_part(found, cause)])
+        said: set[tuple[str, str]] = set()
         for m in others(cause):
-            title = f"  or {found.effect(m.effect).title}\n     at {site_words(m.site)}"
+            pair = [o for o in others(cause) if m.beside == (o.effect, o.site) and o.beside == (m.effect, m.site)][:1]
+            if (m.effect, m.site) in said:
+                continue
+            said |= {(o.effect, o.site) for o in pair}
+            title = "\n".join(
+                f"  {word} {found.effect(one.effect).title}\n     at {site_words(one.site)}"
+                for word, one in zip(("or", "with"), (m, *pair), strict=False)
+            )
             own = [value(*one) for one in m.parameters.items()]
-            rows.append([title, chance(m.probability), "\n".join(own[:LINES]), ""])
+            rows.append([title, chance(sum(one.probability for one in (m, *pair))), "\n".join(own[:LINES]), ""])
     return rows
 
 
-def cause_lines(found: Findings, noun: str = "gap") -> list[str]:
-    """A line for each cause: first the certain ones, then the others, those that explain most of the gap first in both."""
-    known = found.gap.before > found.gap.floor
+def cause_lines(found: Findings, noun: str = "gap", most: int = LINES) -> list[str]:
+    """A line for each cause, the certain ones first, then those that explain most; the last line has all that are left.
+
+    ``noun``: the error that they explain. ``most``: largest number of lines.
+    """
     sure, doubtful = sure_and_doubtful(sorted(found.causes, key=lambda c: -c.explained_fraction))
-    lines = []
-    for cause in (*sure, *doubtful):
-        share = f"; {percent(cause.explained_fraction)} of the {noun}" if known else ""
-        if cause in sure or len(cause.members) == 1:
-            how = "certain" if cause in sure else f"probable, {chance(cause.probability)}"
-            said = f"{site_words(cause.site)}: {sized(found, cause, found.effect(cause.effect).title)} ({how}{share})"
-            lines.append(said if cause.site not in SITES else capital(said))
-        else:
-            lines.append(_open(found, cause, share, "also " if lines else ""))
+    every = [*sure, *doubtful]
+    first = every if len(every) <= most else every[: most - 1]
+    lines = [_line(found, cause, noun) for cause in first]
+    if rest := every[len(first) :]:
+        sizes = [(named(found.effect(c.effect), c.site), explained_words(found, c)) for c in rest]
+        more = joined([f"{words} ({size})" if size else words for words, size in sizes])
+        lines.append(f"{'Also' if lines else 'Causes:'} {more}")
     return [f"{line}." for line in lines]
 
 
-def _open(found: Findings, cause: Cause, share: str, also: str) -> str:
-    """The class of a cause that is open, with sizes and probabilities; what all names or sites have in common is said once."""
-    told: list[tuple[list[Member], float]] = []
-    for m in cause.members:
-        pair = [o for o in cause.members if m.beside == (o.effect, o.site) and o.beside == (m.effect, m.site)][:1]
-        if not any(m in both for both, _ in told):
-            told.append(([m, *pair], sum(one.probability for one in (m, *pair))))
-    titles = [found.effect(m.effect).title.split(" ") for both, _ in told for m in both]
-    same = 0
-    while len(told) > 1 and same < min(map(len, titles)) - 1 and len({title[-1 - same] for title in titles}) == 1:
-        same += 1
-    if titles[0][-1].endswith(")"):  # what stands in brackets explains each title
-        same = 0
-    sites = {m.site for both, _ in told for m in both}
-    common = " ".join(titles[0][len(titles[0]) - same :]) or "one of these"
-    place = f" at {site_words(cause.site)}" if len(sites) == 1 else ""
-
-    def words(m: Member) -> str:
-        title = " ".join(found.effect(m.effect).title.split(" ")[: -same or None])
-        return sized(found, m, title + ("" if place else f" at {site_words(m.site)}"))
-
-    parts = [f"{' with '.join(map(words, both))} ({chance(p)})" for both, p in told]
-    if len(parts) > NAMED:
-        parts = [*parts[:NAMED], "another" if len(parts) == NAMED + 1 else f"one of {len(parts) - NAMED} others"]
-    parts[-1] = f"or {parts[-1]}"
-    return capital(f"{also}{common}{place} (open{share}): {(', ' if len(parts) < 3 else '; ').join(parts)}")
+def _line(found: Findings, cause: Cause, noun: str) -> str:
+    """A cause with its size, or the first members of its class."""
+    size, sure = explained_words(found, cause), cause.probability >= SURE
+    share = f"{size} of the {noun}" if size else ""
+    if sure or len(cause.members) == 1:
+        how = "; ".join(filter(None, ("certain" if sure else f"probable, {chance(cause.probability)}", share)))
+        said = f"{site_words(cause.site)}: {sized(found, cause, found.effect(cause.effect).title)} ({how})"
+        return said if cause.site not in SITES else capital(said)
+    rest = others(cause)
+    second = f"{named(found.effect(rest[0].effect), rest[0].site)} ({chance(rest[0].probability)})"
+    if len(rest) > 1:
+        second = f"one of {len(rest)} other effects"
+    first = f"{named(found.effect(cause.effect), cause.site)} ({chance(cause.probability)})"
+    return f"{f'Open, {share}' if share else 'Open'}: {first} or {second}"
 
 
 def badge(found: Findings) -> str:
@@ -264,7 +281,9 @@ def badge(found: Findings) -> str:
 def overlap(found: Findings) -> str:
     """A sentence where the causes' shares do not sum to what they explain together; else empty."""
     whole, shares = found.gap.explained_fraction, [c.explained_fraction for c in found.causes]
-    if whole is None or len(shares) < 2 or abs(sum(shares) - whole) < TOLD:
+    if whole is None or len(shares) < 2 or abs(sum(shares) - whole) < OVERLAP:
         return ""
-    told = "The shares overlap: each is what goes away with one cause, given the others"
-    return f"{told}; together it is {percent(whole)}."
+    return (
+        "The shares of the causes overlap: each is what goes away with this cause, given the others; together it is "
+        f"{percent(whole)}."
+    )

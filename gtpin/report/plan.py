@@ -13,7 +13,7 @@ from gtpin.planning.plan import PosePlan, checked_first
 from gtpin.report.page import Table
 from gtpin.report.phrases import known_as
 from gtpin.report.residuals import columns_of
-from gtpin.report.words import length, percent, quantity
+from gtpin.report.words import counted, length, percent, quantity
 
 SHOWN = 12
 """Largest number of effects in the table of a plan for discrimination."""
@@ -37,16 +37,18 @@ class PosePlanPresentation(Presentation):
 
     def terminal(self) -> RenderableType:
         """The sentences, and the table of changes or effects that the poses can show."""
-        if self.plan.purpose == "calibration":
-            return Group(*self.words())
-        if self.plan.purpose == "health":
-            return Group(*self.words(), Table(("change", "smallest"), self._smallest(), whole=True).printed())
         order = sorted(self.plan.told, key=lambda one: one.sigma / max(one.sigma_random, 1e-300))
-        rows = []
-        for one in order[:SHOWN]:
-            name = f"{known_as(one.effect, one.site)}, {one.parameter.replace('_', ' ')}"
-            rows.append([name, quantity(one.sigma, one.unit), quantity(one.sigma_random, one.unit)])
-        return Group(*self.words(), Table(("effect", "1 sigma", "of random poses"), rows, whole=True).printed())
+        rows = [
+            [f"{known_as(one.effect, one.site)}, {one.parameter.replace('_', ' ')}"]
+            + [quantity(sigma, one.unit) for sigma in (one.sigma, one.sigma_random)]
+            for one in order[:SHOWN]
+        ]
+        tables = {
+            "calibration": [],
+            "health": [Table(("change", "smallest"), self._smallest(), whole=True)],
+            "discrimination": [Table(("effect", "1 sigma", "of random poses"), rows, whole=True)],
+        }
+        return Group(*self.words(), *(table.printed() for table in tables[self.plan.purpose]))
 
     def table(self) -> pd.DataFrame:
         """The commands, with the conditions to set."""
@@ -88,9 +90,9 @@ class PosePlanPresentation(Presentation):
                 f"Error of predicted positions after the calibration: {error}.",
             ]
         if plan.purpose == "discrimination":
-            if len(plan.told) == 1:
-                return [f"{count} poses that tell one effect at its site from all else, as far as poses can."]
-            return [f"{count} poses that tell {len(plan.told)} effects at their sites apart, as far as poses can."]
+            return [
+                f"{count} poses that distinguish {counted(len(plan.told), 'effect')} from each other and from no effect."
+            ]
         place = "where the instrument may stand anywhere" if plan.frame == "free" else "measured in the base frame"
         return [
             f"{count} poses for a check, {place}: changes found in {percent(plan.power)} of checks, with false alarms in "

@@ -41,8 +41,8 @@ def provenance(dataset: Dataset | None, robot: Chain, seed: int | None = None) -
     rows.append(["robot", robot.name])
     rows.append([Path(robot.description.source).name, f"sha256 {digest(robot.description.xml.encode())}"])
     if dataset is not None and dataset.path is None:
-        told = "handed over in memory, not read from files; written as a folder, its files have these digests:"
-        rows.append(["dataset", told])
+        where = "handed over in memory, not read from files; written as a folder, its files have these digests:"
+        rows.append(["dataset", where])
         with tempfile.TemporaryDirectory() as folder:
             dataset.write(Path(folder) / "dataset")
             rows += _digests(sorted(f for f in (Path(folder) / "dataset").iterdir() if f.name != MARKER))

@@ -1,4 +1,4 @@
-"""A machine drawn as SVG, each part in the colour of its share of the gap, with one colour scale."""
+"""A machine drawn as SVG, each part in the colour of how well a motion of this part alone explains the errors."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from markupsafe import Markup, escape
 from gtpin.model.model import Model
 from gtpin.report.instrument_places import InstrumentPlaces, patch
 from gtpin.report.skeleton import HEIGHT, WIDTH, Camera, Kind, Skeleton, skeleton
-from gtpin.report.words import percent, short, site_words
+from gtpin.report.words import short, site_words
 from gtpin.typing import Floats
 
 SHOWN = 0.05
-"""Smallest share that is written next to a part's name."""
+"""Smallest share from which a link is labelled."""
 CORNERS = {"arm": 42.0, "frame": WIDTH - 42.0}
 """Positions of sites that are not one part of the machine (all links, the instrument), pixels from the left."""
 LOOKS: dict[Kind, tuple[float, str]] = {
@@ -49,35 +49,32 @@ def drawing(
     model: Model,
     q: Floats | None = None,
     site_share: Mapping[str, float] | None = None,
-    rod_share: Mapping[str, float] | None = None,
     causes: Collection[str] = (),
 ) -> Markup | None:
-    """A machine and its instruments; parts have the colours of their shares of the gap. None if the pose can't be reached.
+    """A machine and its instruments; parts have the colours of their shares. None if the pose can't be reached.
 
     ``q``: (n,) commands at which a robot without rods is drawn, by default home; a robot with rods is drawn mid-range.
-    ``site_share``, ``rod_share``, ``causes``: see :func:`sketch`; by default no part has a share.
+    ``site_share``, ``causes``: see :func:`sketch`; by default no part has a share.
     """
     machine = skeleton(model, None if model.robot.rod_sites else q)
     if machine is None:
         return None
     places = InstrumentPlaces.of(model.instruments).near(machine.points)
-    return sketch(machine, site_share or {}, rod_share or {}, causes, places)
+    return sketch(machine, site_share or {}, causes, places)
 
 
 def sketch(
     machine: Skeleton,
     site_share: Mapping[str, float],
-    rod_share: Mapping[str, float],
     causes: Collection[str] = (),
     places: InstrumentPlaces | None = None,
 ) -> Markup:
     """Draw a machine.
 
-    ``site_share``: shares of the gap by site (carts, joints, links, all links, platform, instrument), in which the parts
-    are coloured; empty where there is no gap. ``rod_share``: share of the gap by rod. It is shown as a tooltip and not as a
-    colour: the rods' shares sum to 1 by themselves, so that a rod would seem to have a larger share than its cart.
-    ``causes``: sites of the causes, which are marked by rings, links by a wide edge. ``places``: instruments that are drawn
-    under the machine.
+    ``site_share``: :attr:`~gtpin.diagnosis.inference.where.Where.site`, in which the parts (carts, joints, links, all links,
+    platform, instrument) are coloured, relative to the largest; empty where there is no gap. They are shares of log evidence,
+    which are no shares of the gap: no number stands in the picture. ``causes``: sites of the causes, which are marked by
+    rings, links by a wide edge. ``places``: instruments that are drawn under the machine.
     """
     places = places or InstrumentPlaces()
     patches = {name: patch(*plane, PATCH * machine.size) for name, plane in places.planes.items()}
@@ -89,15 +86,16 @@ def sketch(
         _outline(at(machine.base), "fill:var(--panel);stroke:var(--line);stroke-width:2")
         if len(machine.base) > 2
         else "",
-        *_lines(machine, at, shades, rod_share, causes),
+        *_lines(machine, at, shades, causes),
         *_spots(machine, at, shades, causes),
         _tcp(machine, at, shades, causes),
         *_corners(shades, causes),
         *_labels(machine, at, site_share, causes),
-        _scale(top),
     ]
-    shares = ", ".join(f"{_named(site)} {percent(share)}" for site, share in site_share.items() if share >= SHOWN)
-    name = escape(f"The machine; shares of the gap: {shares}" if shares else "The machine")
+    first = ", ".join(
+        _named(site) for site, share in sorted(site_share.items(), key=lambda one: -one[1]) if share >= SHOWN
+    )
+    name = escape(f"The machine; the reddest parts first: {first}" if first else "The machine")
     head = f'<svg class="drawing" viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" role="img" aria-label="{name}">'
     return Markup("".join([head, *parts, "</svg>"]))
 
@@ -136,17 +134,14 @@ def _small(x: float, y: float, words: str) -> str:
     return f'<text class="rod" x="{x:.1f}" y="{y:.1f}" text-anchor="middle">{escape(words)}</text>'
 
 
-def _lines(
-    machine: Skeleton, at: Camera, shades: Mapping[str, str], landed: Mapping[str, float], causes: Collection[str]
-) -> Iterator[str]:
+def _lines(machine: Skeleton, at: Camera, shades: Mapping[str, str], causes: Collection[str]) -> Iterator[str]:
     for one in machine.of(*LOOKS):
         ends, (width, extra) = at(one.ends), LOOKS[one.kind]
         if one.kind in EDGES and (one.site in causes or "arm" in causes):
             yield _line(ends, "var(--accent)", EDGES[one.kind], 'opacity="0.3"')
         drawn = _line(ends, shades.get(one.site, NONE), width, extra)
         if one.kind in EDGES:
-            lands = f": {percent(landed[one.site])} of the gap lands on it" if one.site in landed else ""
-            drawn = drawn.replace("/>", f"><title>{escape(one.site + lands)}</title></line>")
+            drawn = drawn.replace("/>", f"><title>{escape(one.site)}</title></line>")
         yield drawn
     if len(machine.platform) > 2:
         fill = shades.get("platform", NONE)
@@ -195,26 +190,8 @@ def _corners(shades: Mapping[str, str], causes: Collection[str]) -> Iterator[str
             yield _ring(x, y - 2.0, 23.0)
 
 
-def _scale(top: float) -> str:
-    if top <= 0.0:
-        return ""
-    x, y, steps = WIDTH / 2.0 - 95.0, HEIGHT - 14.0, 8
-    boxes = "".join(
-        f'<rect x="{x + 8.0 * k:.0f}" y="{y}" width="8.5" height="9" style="fill:{color(k / (steps - 1))}"/>'
-        for k in range(steps)
-    )
-    return (
-        f'{boxes}<text class="rod" x="{x - 5.0}" y="{y + 9.0}" text-anchor="end">0</text>'
-        f'<text class="rod" x="{x + 8.0 * steps + 5.0}" y="{y + 9.0}">{percent(top)} of the gap</text>'
-    )
-
-
 def _labels(machine: Skeleton, at: Camera, share: Mapping[str, float], causes: Collection[str]) -> Iterator[str]:
     """Names of all actuators, of the platform, of rods and corners, and of links that have a large enough share or a cause."""
-
-    def words(site: str) -> str:
-        part = share.get(site, 0.0)
-        return f"{_named(site)} {percent(part)}" if part >= SHOWN else _named(site)
 
     spots = {spot.site: at(spot.at)[0] for spot in machine.spots} | {"platform": at(machine.tcp)[0]}
     links = (one for one in machine.of("link") if one.site in causes or share.get(one.site, 0.0) >= SHOWN)
@@ -225,19 +202,19 @@ def _labels(machine: Skeleton, at: Camera, share: Mapping[str, float], causes: C
     for site in CORNERS:
         if site in share:
             x, y = (WIDTH if site == "frame" else 0.0), HEIGHT - 3.0
-            yield f'<text x="{x}" y="{y}" text-anchor="{"end" if x else "start"}">{escape(words(site))}</text>'
-            places.place(words(site), np.array([x, y - 6.0]), 0.0)
+            yield f'<text x="{x}" y="{y}" text-anchor="{"end" if x else "start"}">{escape(_named(site))}</text>'
+            places.place(_named(site), np.array([x, y - 6.0]), 0.0)
     for site, spot in beside.items():
-        place, end = places.place(words(site), spot, 19.0 if site in causes else 13.0)
+        place, end = places.place(_named(site), spot, 19.0 if site in causes else 13.0)
         if end is not None:
             yield _line(np.stack([spot, end]), "var(--line)", 1.0)
-        yield f"<text {place}>{escape(words(site))}</text>"
+        yield f"<text {place}>{escape(_named(site))}</text>"
     for one in machine.of("rod"):
         a, b = at(one.ends)
         free = [a + s * (b - a) for s in (0.3, 0.4, 0.5, 0.6, 0.22)]
         taken = np.reshape([box[:2] for box in places.taken], (-1, 2))
         spot = max(free, key=lambda p: bool((np.hypot(*(p - taken).T) > 26.0).all()))
-        yield f'<text class="rod" {places.place(words(one.site), spot, 4.0, 0.8)[0]}>{escape(words(one.site))}</text>'
+        yield f'<text class="rod" {places.place(_named(one.site), spot, 4.0, 0.8)[0]}>{escape(_named(one.site))}</text>'
 
 
 def _named(site: str) -> str:

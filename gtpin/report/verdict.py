@@ -29,78 +29,93 @@ from gtpin.report.phrases import (
 )
 from gtpin.report.words import (
     coordinate_words,
-    counted,
     joined,
     length,
-    percent,
     quantity,
     site_words,
 )
 
 TONES = {"none": "good", "explained": "accent", "ambiguous": "warn", "unknown": "mystery"}
 """Colour of the badge, by verdict."""
-PLACES = 3
+PLACES = 2
 """Most places of an unknown error that its headline names."""
 LISTED = 5
 """Number of listed effects that could be the unknown cause."""
 
 
 def verdict(d: Diagnosis) -> Lead:
-    """The verdict of a diagnosis in words: a badge with its colour, a headline of a line for each cause, and advice."""
-    told = {"none": _none, "explained": _explained, "ambiguous": _ambiguous, "unknown": _unknown}
-    headline, advice = told[d.verdict](d)
+    """The verdict of a diagnosis in words: a badge with its colour, a headline of at most two lines, and advice."""
+    by_verdict = {"none": _none, "explained": _explained, "ambiguous": _ambiguous, "unknown": _unknown}
+    headline, advice = by_verdict[d.verdict](d)
     return Lead(
         f"Diagnosis of {d.model.robot.name} · {len(d.dataset)} measurements",
         "\n".join(headline),
-        [words for words in (*advice, *also(d), *questions(d)) if words],
-        badge=badge(d) or "no cause",
-        tone="warn" if may_hide(d) else TONES[d.verdict],
+        [words for words in (*advice, *also(d), *questions(d), untested(d)) if words],
+        badge=badge(d) or ("too few poses" if too_few(d) else "geometry alone"),
+        tone="warn" if may_hide(d) or too_few(d) else TONES[d.verdict],
     )
+
+
+def too_few(d: Diagnosis) -> bool:
+    """Whether the calibrated geometry is no better than the nominal one at poses that it was not fitted to."""
+    nominal = next((one.before for one in d.baseline.by_instrument if one.unit == "m"), np.inf)
+    return not d.gap.by_instrument and d.gap.before > nominal
 
 
 def also(d: Diagnosis) -> list[str]:
     """A sentence for all that is weak and undecided."""
     small = joined([f"{site_words(one.site)} ({length(one.rms)})" for one in d.also])
-    return [f"Also something small and undecided at {small}: it does not change the verdict."] if small else []
+    return [f"Small and undecided, without influence on the verdict: {small}."] if small else []
+
+
+def untested(d: Diagnosis) -> str:
+    """A sentence on effects that could not be tested; empty where there is none."""
+    count = sum(not c.testable for c in d.candidates)
+    return (
+        f"{count} of {len(d.candidates)} candidates can't be tested with these data{missing_columns(d)}: a cause among them "
+        "is not detected. The section on what could not be tested has the reasons."
+        if count
+        else ""
+    )
 
 
 def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
     size, supposed, fits = gap_words(d.gap), d.noise_source == "residuals", d.baseline.by_instrument
-    noise = "" if supposed else f"; the noise of instrument and repeatability alone is {size.floor}"
-    gap = f"The calibrated geometry leaves {size.before} RMS on poses that it was not fitted to{noise}."
+    if too_few(d):
+        return [
+            "These poses are too few: at left-out poses the calibrated geometry is no better than the nominal one."
+        ], []
     if hidden := may_hide(d):
         headline = (
-            "Nothing beyond noise is detected, but much of this noise is scatter between visits, and its possible causes "
+            "No cause is detected beyond noise. But much of this noise is scatter between visits, and its possible causes "
             "could not be tested."
         )
-        return [headline], [gap, scatters(d.baseline), *hidden]
+        return [headline], [scatters(d.baseline), *hidden]
     if not supposed and d.gap.before > PRIORS.silent * d.gap.floor:
-        use = "The fit itself leaves noise: these poses are too few to determine the geometry. Measure more poses."
+        use = (
+            "The residuals of the fit are noise: these poses are too few to determine the geometry. Measure more poses."
+        )
     elif d.baseline.unobservable and not any(one.kind == "tracker" for one in fits):
         read, noise = joined([one.name for one in fits]), ", if this is noise" if supposed else ""
         use = (
-            f"No compensation is needed for what {read} can read{noise}. Positions can still be wrong: gtpin calibrate "
-            "lists what these data can't see."
+            f"For what {read} can read, the calibrated geometry is all that is needed{noise}. Positions can still be wrong: "
+            "gtpin calibrate lists what these data can't see."
         )
     elif supposed:
-        use = "Use it as it is if this is the noise of your instrument and of the machine."
-    else:
-        use = "Use it as it is: no compensation is needed."
-    advice = [f"{gap} {use}", *assumed(d)]
-    if untestable := sum(not c.testable for c in d.candidates):
-        advice.append(
-            f"{counted(untestable, 'candidate')} could not be tested with these data{missing_columns(d)}; a cause among "
-            "them is not detected."
+        use = (
+            "If this is the noise of the instrument and of the machine, the calibrated geometry is all that is needed."
         )
+    else:
+        use = "The calibrated geometry is all that is needed: no other compensation."
     if supposed:
-        return [f"No cause is found; the {size.after} that the calibrated geometry leaves can be noise."], advice
-    return ["Nothing but noise is left: the calibrated geometry explains these measurements."], advice
+        return [f"No cause beside the geometry; the {size.after} that it leaves can be noise."], [use, *assumed(d)]
+    return ["No cause beside the geometry: only noise is left."], [use]
 
 
 def missing_columns(d: Diagnosis) -> str:
     """The columns without which candidates can't be tested, in parentheses."""
     missing = (c.reason.covariate for c in d.candidates if not c.testable and c.reason and c.reason.kind == "missing")
-    names = ", ".join(dict.fromkeys(missing))
+    names = ", ".join(dict.fromkeys(name.rstrip("0123456789") for name in missing))  # approach1, approach2: approach
     return f" (not recorded: {names})" if names else ""
 
 
@@ -114,33 +129,32 @@ def assumed(d: Diagnosis) -> list[str]:
     if any(overruled(d.baseline)):
         why, declare = "these data show less than the declared sigma, which was not used", ""
     return [
-        f"That {size} are noise is an assumption: {why}, and too few poses were visited repeatedly. An error of up to this "
-        f"size that differs from pose to pose could hide in it: {declare}visit ten poses again."
+        f"It is assumed that {size} are noise: {why}, and too few poses were visited repeatedly. An error of up to this size "
+        f"that differs between poses is not detected. To test it, {declare}visit ten poses again."
     ]
 
 
 def _explained(d: Diagnosis) -> tuple[list[str], list[str]]:
-    return cause_lines(d), [*_remedies(d, d.causes), _explained_gap(d), overlap(d)]
+    return cause_lines(d), [*_remedies(d, d.causes), *on_the_gap(d)]
 
 
 def _ambiguous(d: Diagnosis) -> tuple[list[str], list[str]]:
-    sure, doubtful = sure_and_doubtful(d.causes)
-    advice = [_explained_gap(d), overlap(d), *not_recorded(d)]
-    if len(advice) == 2:
-        advice.append("These data can't decide what is open: near these poses, the model predicts the same either way.")
-    members = [f"{m.effect}@{m.site}" for cause in doubtful for m in cause.members]
-    return cause_lines(d), [*_remedies(d, sure), *advice, *_next(d, *members)]
+    sure, _ = sure_and_doubtful(d.causes)
+    lacking = not_recorded(d) or [
+        "These data can't decide what is open: at these poses the model predicts the same either way."
+    ]
+    return cause_lines(d), [*_remedies(d, sure), *on_the_gap(d), *lacking]
 
 
 def questions(d: Diagnosis) -> list[str]:
     """Warnings about parameters outside their expected ranges, and what to check."""
     found, check = [], "Check unit and sign of the columns that it depends on"
     for q in d.questions:
-        value, who = " ".join(parameter(q.parameter, q.value, q.unit, q.sigma)), named(d.effect(q.effect), q.site)
-        told = f"{who} would have {value}, which is not possible: {q.why}. It is not named as a cause."
+        size, who = " ".join(parameter(q.parameter, q.value, q.unit, q.sigma)), named(d.effect(q.effect), q.site)
+        words = f"{who} would have {size}, which is not possible: {q.why}. It is not named as a cause."
         if q.believed:
-            told = f"{who} has {value}, which is unusual: {q.why}."
-        found.append(f"{told} {check}.")
+            words = f"{who} has {size}, which is unusual: {q.why}."
+        found.append(f"{words} {check}.")
     return found
 
 
@@ -157,61 +171,57 @@ def _moves(near: Sequence[Correlate], s: str) -> str:
 
 
 def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
-    open_ = bool(d.unexplained.could_be)
-    what = "something that these data can't identify" if open_ else "something that is not in the catalogue"
+    open_, left = bool(d.unexplained.could_be), _of_each(d.gap, _left)
+    what = "an effect that these data can't identify" if open_ else "an effect that is not in the catalogue"
     if any(doubt.reason == "excess" for doubt in d.doubts):
-        headline = f"Scatter of {_of_each(d.gap, _left)} that these data can't separate from noise: repeat visits tell."
-        look = "Where a pose is measured several times, differences between its visits are noise, and all else is an error."
+        headline = f"Scatter of {left} that these data can't separate from noise."
+        look = "Differences between repeated visits to a pose are noise; an error repeats. Visit poses again."
     elif part := [doubt.site for doubt in d.doubts if doubt.reason == "part"]:
-        headline = sentence(f"{what} is in what {part[0]} reads: don't compensate it by name")
-        look = "Its errors exceed the noise: look at this part of the instrument, and at what it alone sees of the machine."
+        headline = f"Unknown, {left}: {what} in the readings of {part[0]}."
+        look = "Its errors exceed the noise. Inspect this part of the instrument, and what only this part sees of the machine."
     elif d.unexplained.correlates:
         near = [one for one in d.unexplained.correlates if one.odds >= CLASS_SHARE][:PLACES]
-        headline = sentence(f"{what} {_moves(near, 's')}: don't compensate it by name")
-        look = f"Look for what could {_moves(near, '')}; the plots below show how."
+        headline = f"Unknown, {left}: {what} {_moves(near, 's')}."
+        look = (
+            f"Look for what could {_moves(near, '')}; the plots show how. Don't compensate it by the name of an effect."
+        )
     else:
-        headline = sentence(f"{what} is in these measurements: don't compensate it by name")
-        look = "It correlates with no single recorded coordinate; the maps below show where it is."
+        headline = f"Unknown, {left}: {what}."
+        look = (
+            "It correlates with no single recorded coordinate; the maps show where it is. Don't compensate it by the name of "
+            "an effect."
+        )
     advice = [look, *doubt_words(d.doubts), *could_be(d)]
-    lines = cause_lines(d)
+    lines = cause_lines(d, most=1)
     if lines:
         headline = f"Also {headline[:1].lower()}{headline[1:]}"
-        advice += [*_remedies(d, d.causes), _explained_gap(d), overlap(d)]
+        advice += [*_remedies(d, sure_and_doubtful(d.causes)[0]), *on_the_gap(d)]
     else:
         advice.append(
-            "The corrected model is the calibrated geometry alone: no known effect has a high enough probability to be in it."
+            "The corrected model is the calibrated geometry alone: no known effect is probable enough to be in it."
         )
-    return [*lines, headline], [*advice, *_next(d, "unknown")]
-
-
-def _next(d: Diagnosis, *separates: str) -> list[str]:
-    return [e.measure for e in d.next_experiment if {*separates} & {*e.separates}][:1]
+    return [*lines, headline], advice
 
 
 def _remedies(d: Diagnosis, causes: Sequence[Cause]) -> list[str]:
     """What to do about each cause; of several causes, each sentence begins with the site."""
     found = [(c.site, remedy(d.effect(c.effect), d.model.robot)) for c in causes]
-    if len(found) == 1:
+    if len(d.causes) == 1 == len(found):
         return [found[0][1]]
     return [sentence(f"{site_words(site)}: {words[:1].lower()}{words[1:].rstrip('.')}") for site, words in found]
 
 
-def _explained_gap(d: Diagnosis) -> str:
+def on_the_gap(d: Diagnosis) -> list[str]:
+    """What limits the meaning of the explained fraction."""
     gap, size = d.gap, gap_words(d.gap)
     if gap.explained_fraction is None:
-        return "The explained fraction of the gap can't be estimated from these data."
+        return ["The explained fraction of the gap can't be estimated from these data."]
     if gap.before <= gap.floor:
-        return (
+        return [
             f"The gap, {size.before}, is below the assumed noise of these data, {size.floor}: its explained fraction can't be "
-            f"estimated well. The corrected model leaves {size.after}."
-        )
-    interval = f" (95\u00a0% interval {percent(gap.interval[0])} to {percent(gap.interval[1])})" if gap.interval else ""
-    where = "sessions" if gap.hold_out == "session" else "poses"
-    told = (
-        f"On {where} that it was not fitted to, the corrected model reduces the gap from {size.before} to {size.after} (noise "
-        f"alone: {size.floor}). It explains {percent(gap.explained_fraction)} of the gap's power beyond noise{interval}."
-    )
-    return " ".join(filter(None, (told, beyond_noise(gap))))
+            "estimated well."
+        ]
+    return list(filter(None, (beyond_noise(gap), overlap(d))))
 
 
 @dataclass(frozen=True)
@@ -256,7 +266,7 @@ def beyond_noise(gap: Gap) -> str:
         return ""
     size = float(np.sqrt(power))
     low, high = (length(size * float(1.0 - np.sqrt(1.0 - np.clip(share, 0.0, 1.0)))) for share in gap.interval)
-    return f"Beyond noise the gap is {length(size)}, of which {low} to {high} go away (95 %)."
+    return f"Beyond noise the gap is {length(size)}; the causes explain {low} to {high} of it (95 %)."
 
 
 def may_hide(d: Diagnosis) -> list[str]:
@@ -295,7 +305,9 @@ def could_be(d: Diagnosis) -> list[str]:
     likely = [c for c in d.candidates if c.reason is None and (c.effect, c.site) in places]
     lines = []
     if likely:
-        lines = [f"It could be {_names(d, likely)}; these data can't tell it from something that gtpin does not know."]
+        lines = [
+            f"It could be {_names(d, likely)}; these data can't distinguish it from an effect that gtpin does not know."
+        ]
     for reason, rows in _by_reason(d, places).items():
         untested = "" if all(c.testable for c in rows) else ", which these data can't test"
         lines.append(f"It could be {_names(d, rows)}{untested}: {reason}.")

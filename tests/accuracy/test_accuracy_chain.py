@@ -15,7 +15,7 @@ from gtpin.accuracy.dexterity import dexterity
 from gtpin.accuracy.figures import write_accuracy
 from gtpin.accuracy.workspace import default_commands, filled_workspace
 from gtpin.cli import main
-from gtpin.report.accuracy import sensitivity_page, slices
+from gtpin.report.accuracy import AccuracyPresentation, slices
 from gtpin.robot.description import RobotDescription
 
 FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"
@@ -125,7 +125,7 @@ def test_a_five_bar_has_maps_but_none_of_a_condition_number_that_is_infinite_eve
         f.name for f in tmp_path.iterdir()
     }
     assert ("condition number" in [name for name, _ in slices(found)[0].options]) == bounded
-    page = sensitivity_page(found)
+    page = AccuracyPresentation(found).page()
     assert "Expect a position error" in page
     assert "at the given commands" in page
     assert "over the ranges of the drives" in analyse(found.model).summary()

@@ -11,6 +11,7 @@ from accuracy_machines import LINKS, MODEL, commands, other
 from gtpin.accuracy import figures, workspace
 from gtpin.accuracy.analysis import analyse
 from gtpin.errors import GtpinError, GtpinWarning, ModelError
+from gtpin.model.model_folder import read_model
 from gtpin.output.figure import new_figure
 
 COSTS = dict(zip(LINKS, [2.5e-6, 1.7e-6, 1.5e-6, 4.5e-7, 3.1e-7, 5.7e-7], strict=True))
@@ -59,9 +60,16 @@ def test_without_matplotlib_there_is_a_warning_and_no_figure(tmp_path: Path, mon
         new_figure(1.0, 1.0)
 
 
+def test_tolerances_that_nobody_gave_are_said_to_be_assumed() -> None:
+    told = analyse(read_model("ur10")).to_json()
+    assert told["uncertainty"].startswith(
+        "manufacturing tolerances (1 sigma) of 0.5 mm and 0.5 mrad, which are assumed"
+    )
+
+
 def test_without_costs_the_tolerances_are_what_is_uncertain() -> None:
     told = analyse(MODEL, commands(5).tolist()).to_json()  # a list will do
-    assert told["uncertainty"] == "manufacturing tolerances"
+    assert told["uncertainty"] == "manufacturing tolerances (1 sigma) of 1 to 2 mm and 1 mrad"
     assert told["expected"]["position"]["mean"] > 1e-3  # of joints and rods that are off by a millimetre or two
 
 

@@ -11,7 +11,7 @@ from gtpin.data import InstrumentSection
 from gtpin.export import export
 from gtpin.model.dh import controller_table
 from gtpin.model.fit_conditions import ModelDiscrepancy
-from gtpin.report.sections.parameters import UNTESTED, controller_advice, controller_words
+from gtpin.output.shown import present
 
 A = np.array([0.0, -0.425, -0.39225, 0.0, 0.0, 0.0])
 D = np.array([0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823])
@@ -102,12 +102,13 @@ def test_a_calibration_finds_the_errors_of_a_table_and_says_what_it_can_not_find
         assert abs(found[key].correction) < 1e-6
     assert {zero.site for zero in calibration.zeros} >= {sites[1], sites[2], sites[3]}
     assert not {zero.site for zero in calibration.zeros} & {sites[0], sites[5]}
-    (words,) = controller_words(calibration.model, "calibrated")
-    assert "theta of elbow_joint +" in words
-    assert "a of shoulder_lift_joint −" in words
-    assert not [site for site in (sites[0], sites[5]) if site in words]
-    assert controller_advice(calibration, "calibrated") == controller_words(calibration.model, "calibrated", UNTESTED)
-    assert controller_advice(replace(calibration, sigma_scale=2.0), "calibrated") == []  # nothing to act on
+    said = calibration.summary().partition("The controller's table")[2]
+    rows = {tuple(line.split()[:2]): line for line in said.splitlines() if line.strip()}
+    assert "not determined" in rows[sites[0], "theta"]
+    assert "±" in rows["elbow_joint", "theta"]
+    first = present(calibration).lead
+    assert not [row for table in first.content for row in table.rows if sites[0] in row[0] or sites[5] in row[0]]
+    assert "gtpin export DIR -o dh.csv --format dh" in {step.command for step in first.steps}
     (file,) = export(calibration.model, tmp_path / "dh.csv", "dh")
     rows = [line.split(",") for line in file.read_text(encoding="utf-8").splitlines()]
     assert rows[0] == ["joint", "parameter", "unit", "nominal", "correction", "sigma", "determined"]

@@ -94,4 +94,4 @@ def test_sizes_are_one_standard_deviation_with_their_signs(nominal: Geometry) ->
     sigma = 0.9  # the root of 1 - 0.19
     assert f"length[1] by {1e3 * 0.8 * sigma * nominal.tolerance[i]:+.2g} mm" in words
     assert f"length[2b] by {-1e3 * 0.6 * sigma * nominal.tolerance[j]:+.2g} mm" in words
-    assert words.endswith("12 readings of a tilt sensor would show it.")
+    assert words.endswith("12 readings of a tilt sensor would determine it.")

@@ -71,7 +71,7 @@ def test_a_plan_to_tell_two_effects_apart_is_better_than_random_poses():
 def test_a_plan_for_one_effect_does_not_tell_it_apart_from_itself():
     case, model = machine(21)
     found = gtpin.plan(model, "discrimination", 4, between=["backlash@cart1"], q=case.dataset.q)
-    assert present(found).words()[0].startswith("4 poses that tell one effect at its site from all else")
+    assert present(found).words()[0].startswith("4 poses that distinguish 1 effect from")
 
 
 def test_a_plan_for_a_calibration_tells_more_than_random_poses():

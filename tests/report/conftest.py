@@ -16,7 +16,7 @@ from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.extras.view.gap import DrawnGap
 from gtpin.model.model import Model
-from gtpin.report.diagnosis import diagnosis_page
+from gtpin.report.diagnosis import DiagnosisPresentation
 from gtpin.report.embedded import Plot
 from gtpin.report.figure import Drawing
 
@@ -59,14 +59,14 @@ def pages(findings: dict[str, Diagnosis]) -> Callable[[str], tuple[str, list[Dra
     def page(kind: str) -> tuple[str, list[Drawing]]:
         drawings, made = list[Drawing](), Plot.drawings
 
-        def noted(plot: Plot) -> dict[tuple[str, ...], Drawing]:
+        def noted(plot: Plot) -> list[Drawing]:
             found = made(plot)
-            drawings.extend(found.values())
+            drawings.extend(found)
             return found
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(Plot, "drawings", noted)
-            return diagnosis_page(findings[kind]), drawings
+            return DiagnosisPresentation(findings[kind]).page(), drawings
 
     return page
 

@@ -25,7 +25,7 @@ from gtpin.commands.terminal import rendered
 from gtpin.data import Dataset
 from gtpin.diagnosis.inference.findings import Member, Undecided
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
-from gtpin.report.diagnosis import DiagnosisPresentation, diagnosis_page
+from gtpin.report.diagnosis import DiagnosisPresentation
 from gtpin.report.health import HealthCheckPresentation, health_page
 
 FOLDER = Path(__file__).with_suffix("")
@@ -122,7 +122,7 @@ def first_screens(name: str) -> str:
     if isinstance(found, HealthCheck):
         terminal, page = rendered(HealthCheckPresentation(found).terminal()), health_page(found)
     else:
-        terminal, page = DiagnosisPresentation(found).text().rstrip("\n"), diagnosis_page(found)
+        terminal, page = rendered(DiagnosisPresentation(found).terminal()), DiagnosisPresentation(found).page()
     screen = page[page.index("<main") : page.index("<nav")]
     screen = re.sub(r"<(svg|script|style).*?</\1>", "", screen, flags=re.DOTALL).replace("\n", " ")
     lines = re.sub(r"</(?:p|h1|li|tr|figcaption|span)>", "\n", re.sub(r"</t[dh]>", " | ", screen))

@@ -14,7 +14,7 @@ import gtpin
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError, GtpinError
-from gtpin.report.calibration import calibration_page
+from gtpin.report.calibration import CalibrationPresentation
 from gtpin.report.figure import has_plotly
 
 UP = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
@@ -59,7 +59,7 @@ def calibration(tmp_path_factory: pytest.TempPathFactory) -> Calibration:
 
 @pytest.fixture(scope="module")
 def page(calibration: Calibration) -> str:
-    return calibration_page(calibration)
+    return CalibrationPresentation(calibration).page()
 
 
 def test_every_entry_of_the_contents_leads_to_a_section(page: str) -> None:

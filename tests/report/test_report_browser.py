@@ -10,8 +10,8 @@ import pytest
 from browsers import DRAWN, MISSING, Opened, launched
 
 from gtpin.report import page as page_module
-from gtpin.report.calibration import calibration_page
-from gtpin.report.diagnosis import diagnosis_page
+from gtpin.report.calibration import CalibrationPresentation
+from gtpin.report.diagnosis import DiagnosisPresentation
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(MISSING), reason=MISSING)]
 KINDS = ("none", "explained", "unknown", "calibration")
@@ -32,7 +32,9 @@ def opened(browser, findings, pages, tmp_path_factory) -> Callable[[str], Opened
 
     def open_(kind: str) -> Opened:
         if kind not in known:
-            page = calibration_page(findings["none"].baseline) if kind == "calibration" else pages(kind)[0]
+            page = (
+                CalibrationPresentation(findings["none"].baseline).page() if kind == "calibration" else pages(kind)[0]
+            )
             known[kind] = Opened(browser, folder / f"{kind}.html", page)
         return known[kind]
 
@@ -79,21 +81,6 @@ def test_what_the_reader_chooses_changes_all_plots_that_ask_for_it(opened):
     page.tab.locator("select[data-choice=component]").select_option("z")
     assert page.run(shown) not in (before, after)
     assert page.said == []
-
-
-@pytest.mark.parametrize("layer", ["after", "before"])
-def test_the_legend_of_residuals_lists_what_is_drawn_and_nothing_else(opened, layer):
-    page = opened("explained")
-    page.tab.locator("select[data-choice=layer]").first.select_option(layer)
-    told = page.run(
-        "[...document.querySelectorAll('.key span')].filter(s => s.offsetWidth).map(s => s.textContent.trim())"
-    )
-    drawn = page.run(
-        "[...document.querySelectorAll('[id^=plot-against-]')].flatMap((plot) => plot._fullData"
-        ".filter((trace) => trace._length && trace.y.length).map((trace) => trace.name))"
-    )
-    assert sorted(told) == sorted(set(drawn))
-    assert any("causes" in name for name in told) == (layer == "before")
 
 
 def test_legends_of_curves_show_points_and_the_effect_on_its_band(opened):
@@ -144,7 +131,7 @@ def test_hostile_names_are_shown_as_they_are(opened):
 
 def test_a_page_without_plots_loads_without_an_error(browser, findings, tmp_path, monkeypatch):
     monkeypatch.setattr(page_module, "plotly_js", lambda kinds: None)
-    page = Opened(browser, tmp_path / "plain.html", diagnosis_page(findings["explained"]))
+    page = Opened(browser, tmp_path / "plain.html", DiagnosisPresentation(findings["explained"]).page())
     page.tab.set_viewport_size({"width": 375, "height": 700})
     assert page.said == []
     assert page.run("document.documentElement.scrollWidth") <= 375

@@ -24,7 +24,7 @@ from gtpin.errors import GtpinWarning
 from gtpin.export.export import export
 from gtpin.extras.controllers.corrections import corrections
 from gtpin.kinematics.kinematics import Kinematics
-from gtpin.report.diagnosis import diagnosis_page
+from gtpin.report.diagnosis import DiagnosisPresentation
 from gtpin.report.effect_curves import curves
 from gtpin.report.effect_motions import placements
 from gtpin.report.residuals import Residuals
@@ -80,7 +80,7 @@ def found(folder: Path) -> Diagnosis:
 
 @pytest.fixture(scope="module")
 def page(found: Diagnosis) -> str:
-    return diagnosis_page(found)
+    return DiagnosisPresentation(found).page()
 
 
 @pytest.mark.slow

@@ -193,7 +193,7 @@ def test_a_page_has_the_figures_that_a_user_gets(residuals):
     plain = replace(residuals, after=residuals.before)
     views, component = components(plain, "z")
     plots = {plot.name: plot for plot in against_columns(plain, {}, views, (component, ONE_LAYER))}
-    drawn = plots["against-q1"].drawings()[("z", "before")].figure()
+    drawn = plots["against-q1"].draw(component="z", layer="before").figure()
     alone = residual_figure(plain, "q1", "z")
     assert [trace.to_plotly_json().keys() for trace in drawn.data] == [t.to_plotly_json().keys() for t in alone.data]
     for one, other in zip(drawn.data, alone.data, strict=True):

@@ -18,8 +18,8 @@ from gtpin.accuracy.analysis import Accuracy, analyse
 from gtpin.comparison.result import Comparison, Held
 from gtpin.data import CartMeasurements, Dataset
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning
-from gtpin.report.accuracy import sensitivity_page
-from gtpin.report.comparison import ComparisonPresentation, angles_drawing, comparison_page, position_errors
+from gtpin.report.accuracy import AccuracyPresentation
+from gtpin.report.comparison import ComparisonPresentation, angles_drawing, position_errors
 
 ROBOT = load_robot("gantry_tau")
 
@@ -46,17 +46,17 @@ def measured_carts() -> CartMeasurements:
 @pytest.mark.slow
 def test_the_model_with_the_smallest_mean_error_is_said_to_predict_best_and_carts_tracks_are_shown():
     means = {1: 3e-4, 3: 1e-4, 4: 2e-5}
-    told = text(comparison_page(comparison(means)))
+    told = text(ComparisonPresentation(comparison(means)).page())
     assert "Model 4 (full arm, measured tracks) predicts best" in told
     assert "of model 3" in told
     assert "don't settle" not in told
     assert "The carts' tracks" not in told
-    assert "The carts' tracks" in text(comparison_page(comparison(means, carts=measured_carts())))
+    assert "The carts' tracks" in text(ComparisonPresentation(comparison(means, carts=measured_carts())).page())
 
 
 @pytest.mark.slow
 def test_models_whose_intervals_overlap_are_not_told_apart():
-    told = text(comparison_page(comparison({1: 1.00e-4, 3: 1.001e-4}, spread=0.9)))
+    told = text(ComparisonPresentation(comparison({1: 1.00e-4, 3: 1.001e-4}, spread=0.9)).page())
     assert "their intervals overlap" in told.lower()
 
 
@@ -100,18 +100,18 @@ def accuracy() -> Accuracy:
 
 @pytest.mark.slow
 def test_an_accuracy_page_tells_the_errors_to_expect_and_the_parameter_that_makes_most(accuracy):
-    told = text(sensitivity_page(accuracy, seed=5))
+    told = text(AccuracyPresentation(replace(accuracy, seed=5)).page())
     expected = accuracy.expected.position
     assert f"{1e3 * expected.mean:.2f} mm on average" in told
     table = accuracy.sensitivity.to_table()
     worst = table.loc[table["position_mm"].idxmax()]
     assert f"{worst['parameter']} of link {worst['link']} moves the TCP most" in told
-    assert "from manufacturing tolerances" in told
+    assert "from manufacturing tolerances (1 sigma) of 1 to 2 mm and 1 mrad" in told
     assert "seed 5" in told
 
 
 def test_every_parameter_and_link_has_a_cell(accuracy):
-    told = text(sensitivity_page(accuracy))
+    told = text(AccuracyPresentation(accuracy).page())
     for _, row in accuracy.sensitivity.to_table().iterrows():
         cell = 1e3 * row["position_mm"] / (2 * accuracy.sensitivity.poses)
         assert f"{cell:.2f}" in told
@@ -120,8 +120,10 @@ def test_every_parameter_and_link_has_a_cell(accuracy):
 def test_pages_of_compare_and_sensitivity_load_and_draw(accuracy, tmp_path):
     with launched() as browser:
         pages = {
-            "comparison": comparison_page(comparison({1: 3e-4, 3: 1e-4, 4: 2e-5}, carts=measured_carts())),
-            "sensitivity": sensitivity_page(accuracy),
+            "comparison": ComparisonPresentation(
+                comparison({1: 3e-4, 3: 1e-4, 4: 2e-5}, carts=measured_carts())
+            ).page(),
+            "sensitivity": AccuracyPresentation(accuracy).page(),
         }
         for name, page in pages.items():
             opened = Opened(browser, tmp_path / f"{name}.html", page)

@@ -16,10 +16,10 @@ import gtpin
 from gtpin.data import Dataset
 from gtpin.diagnosis.planning.experiment import Experiment
 from gtpin.report import page, sections
-from gtpin.report.calibration import calibration_page
-from gtpin.report.diagnosis import diagnosis_page
-from gtpin.report.embedded import Plot, PlotChoice, Shared, key_of
-from gtpin.report.figure import DATA, FIT, LIGHT, Drawing
+from gtpin.report.calibration import CalibrationPresentation
+from gtpin.report.diagnosis import DiagnosisPresentation
+from gtpin.report.embedded import Plot, PlotChoice, Shared
+from gtpin.report.figure import DATA, LIGHT, Drawing
 from gtpin.report.phrases import reason_words
 
 KINDS = ["none", "explained", "ambiguous", "unknown"]
@@ -68,13 +68,13 @@ def test_text_of_others_is_escaped_everywhere(pages):
 
 @pytest.mark.slow
 def test_the_same_diagnosis_makes_the_same_page(findings, pages):
-    assert pages("explained")[0] == diagnosis_page(findings["explained"])
+    assert pages("explained")[0] == DiagnosisPresentation(findings["explained"]).page()
 
 
 @pytest.mark.slow
 def test_without_the_extra_a_page_has_its_words_tables_and_sketch_and_says_how_to_get_plots(findings, monkeypatch):
     monkeypatch.setattr(page, "plotly_js", lambda kinds: None)
-    whole = diagnosis_page(findings["explained"])
+    whole = DiagnosisPresentation(findings["explained"]).page()
     assert len(whole) < 2e5
     assert "pip install 'gtpin[plots]'" in text(whole)
     assert '<svg class="drawing"' in whole
@@ -86,13 +86,13 @@ def test_without_the_extra_a_page_has_its_words_tables_and_sketch_and_says_how_t
 def test_a_robots_name_is_text(findings, monkeypatch):
     found = findings["none"]
     monkeypatch.setattr(found.baseline.model.robot, "name", "<img src=x onerror=alert(1)>")
-    assert "<img" not in diagnosis_page(found)
+    assert "<img" not in DiagnosisPresentation(found).page()
 
 
 @pytest.mark.slow
 def test_digests_are_those_of_the_files_that_were_read(single, tmp_path):
     single.dataset.write(tmp_path / "data")
-    told = text(diagnosis_page(replace(single, dataset=Dataset.read(tmp_path / "data"), seed=42)))
+    told = text(DiagnosisPresentation(replace(single, dataset=Dataset.read(tmp_path / "data"), seed=42)).page())
     for name in ("dataset.toml", "poses.csv"):
         assert f"{name} sha256 {hashlib.sha256((tmp_path / 'data' / name).read_bytes()).hexdigest()}" in told
     assert "seed 42" in told
@@ -113,29 +113,35 @@ def test_a_next_experiment_is_told_with_its_commands(findings):
         settles=0.62,
         rounds=2,
     )
-    seen = text(diagnosis_page(replace(found, next_experiment=(step,))))
-    assert (
-        seen.count("Measure these 1 poses to distinguish periodic drive error at cart2") == 2
-    )  # on the first screen, and with its commands
+    seen = text(DiagnosisPresentation(replace(found, next_experiment=(step,))).page())
+    # On the first screen, and with its commands.
+    assert seen.count("Measure these 1 poses to distinguish periodic drive error at cart2") == 2
     assert "q1 q2 q3 payload (kg) session 0.1000 0.2000 0.3000 20 next" in seen
     assert "4.2, compared with 0.5 for as many random poses." in seen
     assert "settles the question with a probability of 62 %. About 2 such measurements are needed" in seen
 
 
-@pytest.mark.parametrize(("settles", "begins"), [(0.5, "Measure"), (0.49, "The best measurement of its size settles")])
-def test_a_proposal_says_in_its_first_sentence_whether_it_is_worth_doing(settles, begins):
+def test_a_proposal_is_made_only_where_it_is_worth_doing():
     places = (("linearity", "cart2"), ("rack_periodic", "cart2"))
     robot = gtpin.load_robot("gantry_tau")
-    step = Experiment("discriminate", robot, places, np.zeros((20, 3)), {}, settles=settles, rounds=4)
-    enough = replace(step, rounds=1)
-    first = step.measure.split(". ")[0]
-    assert first.startswith(begins)
-    assert f"{100 * settles:.0f}\u00a0%" in first
-    assert "About 4 such measurements are needed" in step.measure
-    assert "such measurements" not in enough.measure
-    hopeless = replace(step, settles=0.0, rounds=None, watch=("cart2",)).measure
-    assert hopeless.startswith("To distinguish smooth drive error at cart2 from periodic drive error at cart2, ")
-    assert "a probability below\u00a01\u00a0%" in hopeless
+    likely = Experiment("discriminate", robot, places, np.zeros((20, 3)), {}, settles=0.5, rounds=4)
+    assert "settles the question with a probability of 50\u00a0%" in likely.measure
+    assert "About 4 such measurements are needed" in likely.measure
+    assert "such measurements" not in replace(likely, rounds=1).measure
+    unlikely = replace(likely, settles=0.49).measure
+    assert "%" not in unlikely
+    assert unlikely.endswith("About 4 such measurements are needed.")
+    hopeless = replace(likely, settles=0.0, rounds=None, watch=("cart2",)).measure
+    assert hopeless.startswith(
+        "Poses do not distinguish smooth drive error at cart2 from periodic drive error at cart2."
+    )
+    assert "a scale along the axis" in hopeless
+    assert "%" not in hopeless
+    joint = replace(
+        likely, robot=gtpin.load_robot("ur5"), settles=0.0, rounds=None, watch=("elbow_joint", "forearm_link")
+    )
+    assert "an encoder at the joint" in joint.measure
+    assert "forearm_link by targets at both ends" in joint.measure
 
 
 @pytest.mark.slow
@@ -146,14 +152,14 @@ def test_poses_that_were_set_aside_are_listed_by_how_far_they_are_off(single):
     bad = replace(dataset, position=position)
     with pytest.warns(gtpin.GtpinWarning, match="gross errors"):
         calibration = gtpin.calibrate(bad)
-    told = text(calibration_page(calibration))
+    told = text(CalibrationPresentation(calibration).page())
     assert re.search(rf"{re.escape(str(dataset.pose[10]))} {dataset.row[10]} (2\.9|3\.0)\d? mm", told)
 
 
 @pytest.mark.slow
 def test_many_poses_are_thinned_so_that_the_page_stays_small(single):
     many = single.dataset.take(np.tile(np.arange(len(single.dataset)), 12))
-    size = len(diagnosis_page(replace(single, dataset=many)).encode())
+    size = len(DiagnosisPresentation(replace(single, dataset=many)).page().encode())
     assert size < 2e6
 
 
@@ -195,22 +201,6 @@ def test_a_page_has_a_figure_for_each_combination_of_choices_and_every_array_onc
     assert sum("bdata" in part for part in shared.parts) == 4  # y; x is as one of them
 
 
-def test_the_legend_says_for_which_choice_alone_a_trace_is_drawn():
-    layer = PlotChoice("layer", "", (("a", "A"), ("b", "B")))
-
-    def draw(layer: str):
-        both = {"y": [1.0], "mode": "markers", "name": "both", "marker": {"color": DATA}}
-        return Drawing(
-            [both, {"y": [2.0], "mode": "lines", "name": "one", "line": {"color": FIT}}][: 1 + (layer == "a")]
-        )
-
-    marks = key_of([Shared().embed(Plot("p", "p", draw, (layer,)))])
-    assert [(mark.name, mark.shape, mark.color, mark.when) for mark in marks] == [
-        ("both", "markers", "data", ""),
-        ("one", "lines", "fit", "layer=a"),
-    ]
-
-
 def test_a_page_finds_every_colour_of_its_figures_by_its_value():
     assert len(set(LIGHT.values())) == len(LIGHT)
 
@@ -232,8 +222,27 @@ def test_a_template_that_is_given_too_little_is_an_error_and_not_a_hole():
 
 @pytest.mark.slow
 def test_a_table_of_corrections_is_offered_for_a_sure_cause_alone(pages):
-    assert "A controller can correct periodic drive error at cart2" in text(pages("explained")[0])
-    assert "A controller can correct" not in text(pages("ambiguous")[0])
+    assert "Tables that correct periodic drive error at cart2" in text(pages("explained")[0])
+    assert "Tables that correct" not in text(pages("ambiguous")[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_first_screen_says_what_to_do_and_has_all_warnings(findings, kind):
+    warned = replace(findings[kind], warnings=("the first", "the second"))
+    screen = text(DiagnosisPresentation(warned).page().partition("<nav")[0])
+    assert "What to do now" in screen
+    assert "gtpin export DIR -o corrected.urdf" in screen
+    assert "Warnings (2) the first the second" in screen
+
+
+@pytest.mark.slow
+def test_a_gap_larger_than_the_nominal_error_is_said_to_be_of_too_few_poses(findings):
+    found = findings["none"]
+    screen = text(DiagnosisPresentation(replace(found, gap=replace(found.gap, before=1.0))).page().partition("<nav")[0])
+    assert "too few" in screen
+    assert "gtpin export" not in screen
+    assert "gtpin plan DIR --for calibration" in screen
 
 
 @pytest.mark.slow

@@ -31,7 +31,7 @@ def model(name: str) -> Model:
 def test_every_robot_with_rods_is_drawn_whole_with_all_its_names(name):
     robot, machine = load_robot(name), skeleton(model(name))
     assert machine is not None
-    drawing = fromstring(str(sketch(machine, {}, {})))
+    drawing = fromstring(str(sketch(machine, {})))
     told = " ".join(drawing.itertext())
     for site in (*robot.rod_sites, *(spot.site for spot in machine.spots)):
         assert site in told
@@ -59,16 +59,15 @@ def test_a_part_with_more_of_the_gap_is_redder():
     assert (red[0], red[-1]) == (0.0, 100.0)
 
 
-def test_the_cart_of_a_cause_is_ringed_and_its_share_is_told():
+def test_the_cart_of_a_cause_is_ringed():
     machine = skeleton(model("gantry_tau"))
-    plain = str(sketch(machine, {"cart2": 0.6}, {}))
-    ringed = str(sketch(machine, {"cart2": 0.6}, {}, ["cart2"]))
+    plain = str(sketch(machine, {"cart2": 0.6}))
+    ringed = str(sketch(machine, {"cart2": 0.6}, ["cart2"]))
     assert ringed.count("<circle") == plain.count("<circle") + 1
-    assert "cart2 60" in ringed
 
 
-def shaded(share: dict[str, float], landed: dict[str, float] | None = None, causes: tuple[str, ...] = ()) -> str:
-    return str(sketch(skeleton(model("gantry_tau")), share, landed or {}, causes))
+def shaded(share: dict[str, float], causes: tuple[str, ...] = ()) -> str:
+    return str(sketch(skeleton(model("gantry_tau")), share, causes))
 
 
 def shade(drawn: str, shape: str) -> list[int]:
@@ -76,28 +75,24 @@ def shade(drawn: str, shape: str) -> list[int]:
     return [int(red) for red in re.findall(rf"<{shape} [^>]*?var\(--high\) (\d+)%", drawn)]
 
 
-def test_rods_and_carts_are_coloured_on_one_scale_whatever_lands_on_the_rods():
-    share = {"cart1": 0.24, "cart2": 0.0, "cart3": 0.0, "link1": 0.12}
-    drawn = shaded(share, {"link1": 0.92})
-    assert re.sub("<title>.*?</title>", "", drawn) == re.sub("<title>.*?</title>", "", shaded(share))
-    assert "link1: 92" in drawn
+def test_rods_and_carts_are_coloured_on_one_scale():
+    drawn = shaded({"cart1": 0.24, "cart2": 0.0, "cart3": 0.0, "link1": 0.12})
     assert max(shade(drawn, "rect")) == 100
     rod = re.search(r"<line [^>]*var\(--high\) (\d+)%[^>]*><title>link1", drawn)
     assert int(rod.group(1)) == 50
 
 
-def test_the_scale_of_the_colours_ends_at_the_largest_share_and_is_told():
-    told = " ".join(fromstring(shaded({"cart1": 0.24, "cart2": 0.03})).itertext()).replace("\u00a0", " ")
-    assert "24 % of the gap" in told
-    assert "of the gap" not in "".join(fromstring(shaded({})).itertext())
-    assert "of the gap" not in "".join(fromstring(shaded({"cart1": 0.0})).itertext())
+def test_no_number_stands_in_the_picture_because_its_shares_are_not_those_of_the_gap():
+    told = " ".join(fromstring(shaded({"cart1": 0.24, "cart2": 0.03})).itertext())
+    assert "%" not in told
+    assert "gap" not in told
 
 
 @pytest.mark.parametrize(("site", "name"), [("frame", "instrument"), ("arm", "all links")])
 def test_sites_that_are_no_one_part_have_a_sign_of_their_own_which_is_ringed_where_a_cause_sits(site, name):
     plain, ringed = shaded({"cart1": 0.2, site: 0.3}), shaded({"cart1": 0.2, site: 0.3}, causes=(site,))
     told = " ".join(fromstring(plain).itertext()).replace("\u00a0", " ")
-    assert f"{name} 30 %" in told
+    assert name in told
     assert "frame" not in told
     assert ringed.count("<circle") == plain.count("<circle") + 1
     assert name not in shaded({"cart1": 0.2})
@@ -111,7 +106,7 @@ def test_no_label_hides_another_one_or_leaves_the_picture(name, monkeypatch):
     made, machine = list[Labels](), skeleton(model(name))
     monkeypatch.setattr(sketch_module, "Labels", lambda *given: made.append(Labels(*given)) or made[-1])
     shares = {spot.site: 0.1 for spot in machine.spots} | {"arm": 0.2, "frame": 0.3, "platform": 0.1}
-    sketch(machine, shares, {}, [machine.spots[0].site] if machine.spots else [])
+    sketch(machine, shares, [machine.spots[0].site] if machine.spots else [])
     (labels,) = made
     boxes = np.array(labels.taken)
     assert (boxes[:, :2] >= 0.0).all()
@@ -130,7 +125,7 @@ def test_a_loop_s_picture_has_both_its_sides():
 def test_names_in_a_sketch_are_text():
     machine = skeleton(model("gantry_tau"))
     hostile = replace(machine, lines=tuple(replace(line, site="<script>") for line in machine.lines))
-    drawn = str(sketch(hostile, {}, {}))
+    drawn = str(sketch(hostile, {}))
     assert "<script>" not in drawn
     fromstring(drawn)
 

@@ -155,7 +155,7 @@ def test_a_gap_that_is_small_beside_the_noise_is_told_in_lengths() -> None:
     # sqrt(41^2 - 40^2) = 9 um; 1 - sqrt(1 - 0.64) = 0.4 and 1 - sqrt(1 - 0.96) = 0.8 of it.
     assert (
         " ".join(beyond_noise(small).split())
-        == "Beyond noise the gap is 9.00 µm, of which 3.60 µm to 7.20 µm go away (95 %)."
+        == "Beyond noise the gap is 9.00 µm; the causes explain 3.60 µm to 7.20 µm of it (95 %)."
     )
     assert beyond_noise(replace(small, before=80e-6)) == ""
     assert beyond_noise(replace(small, before=39e-6)) == ""
@@ -214,7 +214,7 @@ def test_directions_that_nothing_shows_are_one_sentence():
     tilt = Remedy("tilts", "", 12)
     assert grouped(("a", "b", "c"), (None, tilt, None)) == (
         "b",
-        "2 other directions hardly move the platform at these poses: no usual measurement would show them.",
+        "2 other directions hardly move the platform at these poses: no usual measurement would determine them.",
     )
     assert grouped(("a", "b"), (None, tilt)) == ("a", "b")
 

@@ -12,7 +12,6 @@ import typer
 
 from gtpin.bench.simulator.case import simulate_scenario
 from gtpin.bench.simulator.truth import Case, truth_names
-from gtpin.commands.diagnose import corrections_hint
 from gtpin.commands.terminal import AsJson, Force, Seed, output_option, progress_of, rendered, tell
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
@@ -72,11 +71,10 @@ def demo(
     errors = " -> ".join(f"{length(error)} {name}" for name, error in held_out.items())
     text = rendered(
         f"A virtual {robot.spoken}, {len(case.dataset)} measured poses. The diagnosis, from the measurements alone:\n",
-        shown.terminal(),
+        shown.terminal(output),
         f"\nWhat was hidden (dataset.truth.json): the machine has {has}.",
         f"True position error on {len(case.commands)} poses that were never measured, RMS: {errors}.",
         f"Also written: {', '.join(str(output / name) for name in ('dataset', 'calibration', 'diagnosis.json', 'model'))}",
-        *corrections_hint(found, output),
         f"Open {output / 'report.html'}",
     )
     truths = {"effects": [{"effect": truth.effect, "site": truth.site} for truth in case.effects], "true_rms": held_out}

@@ -2,13 +2,12 @@
 
 A new section is a new file here, with a function that is marked by :func:`section`. Places: 10 where it lies, 20 the causes, 30
 what is left, 40 the instruments, 50 circular tests, 60 over the workspace, 70 against what was recorded, 80 evidence, 90 what
-can't be told apart, 100 what could not be tested, 110 parameters, 120 what the data can't see, 130 data.
+can't be distinguished, 100 what could not be tested, 110 parameters, 120 what the data can't see, 130 data.
 """
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -19,12 +18,11 @@ from gtpin.calibration.checks.prepared import with_positions
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.output.shown import Presentation
 from gtpin.report.ball_bar_plot import ball_bar_figure
 from gtpin.report.effect_curves import EffectCurve, curves
 from gtpin.report.embedded import PlotChoice
 from gtpin.report.maps import workspace_figure
-from gtpin.report.page import Section
+from gtpin.report.page import PagePresentation, Section
 from gtpin.report.residual_plots import LAYERS, ONE_LAYER, View, components, leading, residual_figure
 from gtpin.report.residuals import Residuals
 
@@ -80,13 +78,18 @@ class Reported:
         return {(active.effect.id, active.site): curves(active, self.residuals) for active in effects}
 
 
-class FitPresentation(Presentation):
-    """The figures that calibrations and diagnoses have in common."""
+class FitPresentation(PagePresentation):
+    """What calibrations and diagnoses have in common.
 
-    @property
-    @abstractmethod
-    def reported(self) -> Reported:
-        """What the figures are made from."""
+    ``reported``: what page and figures are made from.
+    """
+
+    reported: Reported
+
+    @cached_property
+    def sections(self) -> Sequence[Section]:
+        """The sections of the page."""
+        return sections(self.reported)
 
     def residuals(self, against: str, component: str | None, *, after: bool = False) -> Figure:
         """Residuals against a column, with the causes' prediction."""

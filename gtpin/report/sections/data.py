@@ -11,15 +11,15 @@ from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.data.names import lookalikes
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.report.calibration_text import cannot_judge, noise_of_drives, noise_words, scatters
+from gtpin.report.calibration_text import cannot_judge, error_of, noise_of_drives, noise_words, scatters
 from gtpin.report.diagnosis_json import gap_method
 from gtpin.report.page import Block, Fold, Heading, Section, Small, Table
 from gtpin.report.residuals import columns_of
 from gtpin.report.sections import Reported, section
-from gtpin.report.words import counted, covariate_unit, joined, length, whole, with_unit
+from gtpin.report.words import counted, covariate_unit, joined, length, quantity, whole, with_unit
 
 ALIKE = 0.02
-"""Relative difference of two noise floors that is not told."""
+"""Largest relative difference of two noise floors that count as equal."""
 
 
 @section(130)
@@ -27,7 +27,10 @@ def data(r: Reported) -> Section:
     """Facts about the data, the poses that were set aside, and ranges; of a diagnosis, how its gap is computed."""
     c, d = r.calibration, r.diagnosis
     judged = cannot_judge(c) or f"1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
-    fit = f"Chi-square per degree of freedom of geometry alone: {c.chi2_per_dof:.2f} ({judged})."
+    fit = (
+        f"Chi-square per degree of freedom of geometry alone: {c.chi2_per_dof:.2f} ({judged}); degrees of freedom "
+        f"{c.dof:.1f}, iterations {c.iterations}. Errors on the fitted poses, RMS: {joined(_fitted(c))}."
+    )
     facts = [_counts(r.dataset), _what_was_measured(r.dataset), _noise(c), scatters(c), fit]
     content: list[Block] = [fact for fact in facts if fact]
     for name, known in lookalikes(r.dataset.covariates).items():
@@ -43,6 +46,10 @@ def data(r: Reported) -> Section:
         words = f"The gap is computed on poses that were not fitted: {gap_method(d.gap)}. {_two_floors(d)}"
         content.append(Small(words.rstrip()))
     return Section("data", "Data", content)
+
+
+def _fitted(c: Calibration) -> list[str]:
+    return [f"{quantity(one.after, one.unit)} ({error_of(one)})" for one in c.by_instrument]
 
 
 def _counts(dataset: Dataset) -> str:

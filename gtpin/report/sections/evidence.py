@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from gtpin.data.names import command_names
 from gtpin.report.page import Bar, Bars, Block, Fold, Plots, Section, Table
@@ -13,6 +13,8 @@ from gtpin.report.words import coordinate_words, counted, joined, percent, short
 
 CHANCE = 0.01
 """Smallest p-value at which noise alone explains what is left."""
+LEAST = 0.01
+"""Smallest share that has a bar."""
 SHOWN = 12
 """Number of candidates with a bar; the others are in a table."""
 
@@ -23,36 +25,34 @@ def where_it_lies(r: Reported) -> Section | None:
     if r.diagnosis is None:
         return None
     where = r.diagnosis.where
-    coordinates = {short(coordinate_words(k)): v for k, v in where.covariate.items()}
     groups = {
-        "By site": {short(site_words(k)): v for k, v in where.site.items()},
-        "By rod": where.rod,
-        "By axis": where.axis,
-        "By coordinate, the strongest correlation as 100 %": coordinates,
+        "By rod: share of the gap": _bars(where.rod, percent),
+        "By axis: share of the gap": _bars(where.axis, percent),
+        "By site: log evidence": _bars({short(site_words(k)): v for k, v in where.site.items()}),
+        "By coordinate: log evidence": _bars({short(coordinate_words(k)): v for k, v in where.covariate.items()}),
     }
-    beside = [(title, bars) for title, shares in groups.items() if (bars := _bars(shares, 0.01))]
+    beside = [(title, bars) for title, bars in groups.items() if bars]
     if not beside or r.diagnosis.verdict == "none":
         return Section("where", "Where it lies", ["The residuals are noise: shares have no meaning."])
     content: list[Block] = [
         f"Computed before any cause is named. By {'rod, ' if where.rod else ''}axis and region: shares of the gap's mean "
-        "square beyond noise. By site: shares of the largest gain in log evidence at each site, by an effect or a smooth term "
-        "alone; common motions of several parts are left out. By covariate: the largest gain of a smooth term over it, "
-        "relative to the best covariate.",
+        "square beyond noise. By site and by coordinate: the largest gain in log evidence of an effect or a smooth term, "
+        "relative to the longest bar. Gains in log evidence are not proportional to shares of the gap.",
         Bars(beside=beside),
     ]
     regions = {
         ", ".join(whole(f"{a} {low:.2f} to {high:.2f}") for a, low, high in zip("xyz", *box, strict=True)) + " m": share
         for box, share in where.region
     }
-    if bars := _bars(regions, 0.0)[:4]:
+    if bars := _bars(regions, percent, 0.0)[:4]:
         content.append(Fold("By region of the workspace", [Bars(bars)]))
     return Section("where", "Where it lies", content)
 
 
-def _bars(shares: Mapping[str, float], least: float) -> list[Bar]:
+def _bars(shares: Mapping[str, float], words: Callable[[float], str] = lambda _: "", least: float = LEAST) -> list[Bar]:
     top = max(shares.values(), default=0.0)
     order = sorted(shares.items(), key=lambda pair: -pair[1])
-    return [Bar(name, share / top, percent(share)) for name, share in order if share >= least and share > 0.0]
+    return [Bar(name, share / top, words(share)) for name, share in order if share >= least and share > 0.0]
 
 
 @section(30)
@@ -65,9 +65,9 @@ def what_is_left(r: Reported) -> Section | None:
     words = f"Nothing beyond noise: noise alone leaves as much with a probability of {p}."
     if not noise:
         words = (
-            f"In units of the noise, all that was measured together, {percent(found.share)} of what geometry alone leaves "
-            "beyond noise is not explained. (The gap above is in the measurements' own units, on poses that were not fitted.) "
-            f"Noise alone would leave as much with a probability of {p}."
+            f"Of the chi-square beyond noise that geometry alone leaves, {percent(found.share)} is not explained. It is of all "
+            "measured numbers at the fitted poses; the gap above is of positions at left-out poses. Noise alone would leave as "
+            f"much with a probability of {p}."
         )
     content: list[Block] = [words]
     if found.correlates and (not noise or r.diagnosis.verdict == "unknown"):
@@ -104,8 +104,8 @@ def evidence(r: Reported) -> Section | None:
     ]
     if d.verdict == "unknown":
         content.append(
-            "A large gain alone does not prove a cause: smooth terms without a name explain these data better, so a candidate "
-            "may only resemble the true cause."
+            "A large gain alone does not prove a cause: smooth terms explain these data better than every effect, so that a "
+            "candidate may only resemble the true cause."
         )
     content.append(Bars(bars))
     if rest := gains[SHOWN:]:

@@ -19,7 +19,7 @@ CIRCLES = (
     "together; F are the radial deviations, least to largest, positive away from the centre. Counterclockwise goes "
     "from the plane's first axis to its second (XY: from X to Y). As measured: about the least-squares circle of both "
     "directions. Left by geometry: measured less predicted, without another centring. The grey circle is no "
-    "deviation."
+    "deviation. Blue: counterclockwise; orange: clockwise."
 )
 
 
@@ -58,7 +58,7 @@ def circles(r: Reported) -> Section | None:
     tests = circular_tests(r.residuals, r.causes)
     if not tests:
         return None
-    content: list[Block] = [Plots(tests[0][1], CIRCLES, legend=True, drawn=False)]
+    content: list[Block] = [CIRCLES]
     for title, plots in tests:
         content += [Heading(title), Plots(plots)]
     return Section("circles", "Circular tests", content)
@@ -78,7 +78,7 @@ def over_the_workspace(r: Reported) -> Section:
             "Position residuals at the measured poses; lines show their directions, magnified "
             f"{scale.magnified:,.0f} times. {selection(r.residuals)}"
         )
-    return Section("maps", "Over the workspace", [Plots(plots, words, choices, f"{scale.top:.3g} {scale.unit}")])
+    return Section("maps", "Over the workspace", [Plots(plots, words, choices)])
 
 
 @section(70)
@@ -88,6 +88,9 @@ def against_what_was_recorded(r: Reported) -> Section:
     share = {} if r.diagnosis is None else r.diagnosis.where.covariate
     plots = against_columns(r.residuals, share, views, (component, r.layers))
     order = ", the column with the strongest correlation first" if r.causes else ""
-    words = f"Residuals at each pose{order}. {selection(r.residuals)}"
-    shown = Plots(plots, words, (r.layers, component), legend=True)
-    return Section("covariates", "Against what was recorded", [shown])
+    made = "Orange: predicted from the causes, of geometry alone. " if r.causes else ""
+    words = (
+        f"Residuals at each pose{order}. {made}Line: mean of neighbouring poses, or the prediction along the column, all else "
+        f"constant. Few values of a column: median, quartiles and ends. {selection(r.residuals)}"
+    )
+    return Section("covariates", "Against what was recorded", [Plots(plots, words, (r.layers, component))])

@@ -31,16 +31,10 @@
     if (narrow) figure.layout.margin = Object.assign({ l: 48 }, figure.layout.margin);
     return Plotly.react(document.getElementById("plot-" + block.dataset.plot), figure.data, figure.layout, config);
   };
-  // Words that hold for one option of a choice alone: data-when="choice=option".
-  const tell = () => document.querySelectorAll("[data-when]").forEach((words) => {
-    const [name, option] = words.dataset.when.split("=");
-    words.hidden = choice(name).value !== option;
-  });
   // One plot at a time, so that the page can be read and scrolled meanwhile; `data-drawn` tells when all are there.
   let round = 0;
   const drawAll = async () => {
     const mine = ++round;
-    tell();
     document.documentElement.removeAttribute("data-drawn");
     for (const block of blocks) {
       await new Promise((next) => setTimeout(next));

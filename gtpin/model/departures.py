@@ -1,0 +1,176 @@
+"""The departures of a calibrated geometry from nominal, each with the displacement of the TCP that it causes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtpin.kinematics.placed import carrier_rates
+from gtpin.model.dh import table_with_base
+from gtpin.model.model import Model
+from gtpin.robot.constrained_model import joint_axis
+from gtpin.robot.geometry import Geometry
+from gtpin.typing import Floats
+
+ZERO = 0.1
+"""Prior standard deviation of a joint's zero, m or rad. A zero is set when the machine is assembled or mastered, so that no
+manufacturing tolerance bounds it. Assumed: 6 degrees."""
+GAIN = 3.0
+"""Gain in log evidence, nats, from which a joint's zero is off by more than the tolerances explain: the prior odds are one in
+twenty joints. Assumed."""
+WIDENED = 3.0
+"""Ratio of a tolerance to that of the robot from which a calibration has widened it."""
+POSES = 300
+"""Largest number of poses at which the TCP is displaced: a root mean square then has a relative standard error of 4 %."""
+
+
+@dataclass(frozen=True)
+class Departure:
+    """One number of the geometry that a calibration changed.
+
+    - ``name``: ``length[2a]``, ``zero[cart2]``, of a serial arm ``a[elbow_joint]``, ``base.ra``, ``tool.x``.
+    - ``site``, ``what``: the part that has it and the quantity, as in the name.
+    - ``value``, ``sigma``: its value less the nominal one and the standard deviation, in ``unit``: m, rad or m/m.
+    - ``determined``: whether the data determine it.
+    - ``displacement``: (N, 3) displacement of the TCP by it, m, base frame. Where the pose of the instrument in the base
+      frame is unknown, the rigid motion that fits best is subtracted.
+    """
+
+    name: str
+    site: str
+    what: str
+    value: float
+    sigma: float
+    unit: str
+    determined: bool
+    displacement: Floats = field(repr=False, compare=False)
+
+    @property
+    def position_rms(self) -> float:
+        """Root mean square length of the displacement, m."""
+        return size_of(self.displacement)
+
+
+def size_of(displacement: Floats) -> float:
+    """Root mean square length of displacements (N, 3)."""
+    return float(np.sqrt((displacement**2).sum(axis=1).mean()))
+
+
+def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
+    """All departures of a calibrated model's geometry from nominal, the largest displacement first; empty of a nominal one.
+
+    Of a serial arm they are the corrections of its table (:mod:`~gtpin.model.dh`), which is minimal. Other geometries are
+    redundant: zeros of their joints are further parameters where the tolerances do not explain them (:func:`with_zeros`).
+
+    ``q``: (N, n) commands, m or rad. The derivative of the TCP is taken halfway between the nominal and the calibrated
+    geometry, so that displacements are exact to the second order.
+    """
+    geometry, covariance = model.geometry, model.covariance
+    if model.joint_covariance is not None:
+        covariance = model.joint_covariance[: len(geometry.parameters), : len(geometry.parameters)]
+    if covariance is None or not geometry.deviation.any():
+        return ()
+    q = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), POSES)).astype(int))]
+    middle = Model(geometry.with_values(geometry.values - geometry.deviation / 2.0)).kinematics
+    poses = middle.forward(q)
+    q, poses = q[poses.reached], poses[poses.reached]
+    if not len(q):
+        return ()
+    J = middle.geometry_jacobian(q, poses)[:, :3]
+    if not model.frame.is_base:
+        J = _without_rigid_motion(J, poses.T)
+    table, found = table_with_base(model), []
+    # Where the place of the target is unknown, the data say nothing of the tool.
+    target = any(p.kind == "platform" and p.nominal for p in geometry.parameters)
+    slides = {actuator.site for actuator in model.robot.actuators if not actuator.revolute}
+    for row in table:
+        what = "zero" if row.name == ("d" if row.site in slides else "theta") else row.name
+        name = f"{row.site}.{what}" if row.site in ("base", "tool") else f"{what}[{row.site}]"
+        numbers = (row.correction, row.sigma, row.unit, row.determined)
+        if row.site != "tool" or not target:
+            found.append(Departure(name, row.site, what, *numbers, J @ row.motion * row.correction))
+    if not table:
+        for name, unit, way, value, sigma in with_zeros(geometry, covariance):
+            what, _, rest = name.partition("[")
+            if what.partition(".")[0] != "platform" or not target:
+                found.append(Departure(name, rest.partition("]")[0], what, value, sigma, unit, True, J @ way * value))
+    return tuple(sorted(found, key=lambda one: -one.position_rms))
+
+
+def _without_rigid_motion(J: Floats, T: Floats) -> Floats:
+    """(N, 3, p) derivatives without the rigid motions of all points T (N, 3) that fit them best."""
+    x, y, z = (T - T.mean(axis=0)).T
+    o, one = np.zeros_like(x), np.ones_like(x)
+    ways = np.stack([[one, o, o, o, z, -y], [o, one, o, -z, o, x], [o, o, one, y, -x, o]], axis=0)  # (3, 6, N)
+    rigid = np.moveaxis(ways, 2, 0).reshape(-1, 6)
+    flat = J.reshape(-1, J.shape[2])
+    return np.asarray(flat - rigid @ np.linalg.lstsq(rigid, flat, rcond=None)[0]).reshape(J.shape)
+
+
+def with_zeros(geometry: Geometry, covariance: Floats) -> list[tuple[str, str, Floats, float, float]]:
+    """Posterior of the parameters' deviations and of those joints' zeros that are off by more than the tolerances explain.
+
+    A shifted zero moves all that the joint carries. A calibration, whose priors are manufacturing tolerances, divides it among
+    the parameters that can imitate it. With the deviations d = e + V z, where V z are those that zeros z of prior variance
+    `ZERO`^2 cause, B = [1 V], x = (e, z) of prior covariance Q, and the information H = C^-1 - P^-1 of the data (C, P:
+    posterior and prior covariance of d), the posterior of x has
+
+        covariance S = (Q^-1 + B' H B)^-1,  mean S B' b,  b = C^-1 d.
+
+    The log evidence of a further zero with the direction v is larger by m^2 / (2 (g + ZERO^-2)) - log(1 + ZERO^2 g) / 2, with
+    m = v' (b - H B S B' b) and g = v' (H - H B S B' H) v. The zero with the largest gain is added, until none exceeds `GAIN`.
+
+    ``covariance``: C, (p, p). Returns name, unit, direction (p,) in the space of the parameters, value and sigma of each.
+    """
+    size, left = _declared(geometry), _zeros(geometry)
+    inverse = np.linalg.inv(covariance / np.outer(size, size))  # all in units of the declared tolerances
+    power, axes = np.linalg.eigh(inverse - np.diag((size / geometry.tolerance) ** 2))
+    H, b = axes * np.maximum(power, 0.0) @ axes.T, inverse @ (geometry.deviation / size)
+    B, chosen = np.eye(len(size)), list[tuple[str, str, Floats]]()
+    while True:
+        S = np.linalg.inv(np.eye(B.shape[1]) + B.T @ H @ B)
+        lower = H @ B @ S @ B.T
+        gains = []
+        for _, _, way in left:
+            v = ZERO * way / size
+            m, g = v @ (b - lower @ b), v @ (H - lower @ H) @ v
+            gains.append(m**2 / (2.0 * (g + 1.0)) - np.log1p(g) / 2.0)
+        if max(gains, default=0.0) <= GAIN:
+            break
+        chosen.append(left.pop(int(np.argmax(gains))))
+        B = np.column_stack([B, ZERO * chosen[-1][2] / size])
+    prior = np.append(size, np.full(len(chosen), ZERO))
+    value, sigma = prior * (S @ B.T @ b), prior * np.sqrt(np.diag(S))
+    rows = [(p.name, p.unit, way) for p, way in zip(geometry.parameters, np.eye(len(size)), strict=True)] + chosen
+    return [(*row, float(v), float(s)) for row, v, s in zip(rows, value, sigma, strict=True)]
+
+
+def _declared(geometry: Geometry) -> Floats:
+    """(p,) tolerances before a calibration widened those of parameters far from nominal."""
+    usual = {p.name: p.tolerance for p in Geometry.nominal(geometry.robot).parameters}
+    return np.array(
+        [
+            usual.get(p.name, p.tolerance) if p.tolerance >= WIDENED * usual.get(p.name, np.inf) else p.tolerance
+            for p in geometry.parameters
+        ]
+    )
+
+
+def _zeros(geometry: Geometry) -> list[tuple[str, str, Floats]]:
+    """Name and unit of each joint's zero, and the deviations (p,) of the parameters by 1 m or rad of it."""
+    robot, found = geometry.robot, []
+    rates = carrier_rates(geometry)
+    for a, actuator in enumerate(robot.actuators):
+        carried, way = list(robot.rods_on(a)), np.zeros(len(geometry.parameters))
+        axis = joint_axis(robot.model, actuator.joint_id)
+        for j, p in enumerate(geometry.parameters):
+            if p.kind == "carrier_joint" and p.per == "rod" and p.owner in carried:
+                way[j] = rates[p.owner, p.component]
+            elif p.kind == "carrier_joint" and p.per == "actuator" and p.owner == a:
+                way[j] = rates[carried, p.component].mean()
+            elif p.kind == "placement" and p.owner == actuator.joint_id:
+                way[j] = axis[p.component]
+        if way.any():
+            found.append((f"zero[{actuator.site}]", "rad" if actuator.revolute else "m", way))
+    return found

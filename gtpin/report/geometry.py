@@ -1,0 +1,93 @@
+"""The geometry's departures from nominal in words and as tables: which parameters make the error of the nominal geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gtpin.model.departures import Departure, size_of
+from gtpin.report.page import Table
+from gtpin.report.words import counted, length, quantity
+
+SHOWN = 5
+"""Number of parameters on a first screen."""
+CLEAR = 2.0
+"""Number of sigmas from which a departure is shown by name on a first screen."""
+SMALL = 0.02
+"""Smallest displacement, over the largest, of a departure on a first screen."""
+MOST = 0.5
+"""Largest share of the squared displacement that all others may leave where one parameter is said to make it. Parameters can
+compensate each other, so that one of them may displace the TCP by more than all together."""
+HEAD = ("parameter", "change from nominal", "at the TCP, RMS")
+WORDS = {
+    "zero": "zero of {site}",
+    "a": "length a of {site}",
+    "d": "offset d of {site}",
+    "alpha": "twist alpha of {site}",
+    "beta": "twist beta of {site}",
+    "base.a": "first axis, shift along a",
+    "base.b": "first axis, shift along b",
+    "base.ra": "first axis, tilt about a",
+    "base.rb": "first axis, tilt about b",
+}
+"""Zeros, and parameters of Denavit and Hartenberg, in words, by name or quantity."""
+
+
+def departure_words(one: Departure) -> str:
+    """A parameter in words, else its name."""
+    return WORDS.get(one.name if one.site in ("base", "tool") else one.what, one.name).format(site=one.site)
+
+
+def change_words(one: Departure) -> str:
+    """The change of a parameter with its sigma; of the zero of a turning joint in degrees."""
+    value, sigma, unit = one.value, one.sigma, one.unit
+    if one.what == "zero" and unit == "rad":
+        value, sigma, unit = float(np.rad2deg(value)), float(np.rad2deg(sigma)), "°"
+    return f"{'+' if value > 0.0 else ''}{quantity(value, unit, sigma)}"
+
+
+def clear(found: Sequence[Departure]) -> list[Departure]:
+    """The largest departures that the data determine, for a first screen."""
+    known = [one for one in found if one.determined and abs(one.value) > CLEAR * one.sigma]
+    return [one for one in known if one.position_rms > SMALL * known[0].position_rms][:SHOWN]
+
+
+def geometry_table(found: Sequence[Departure]) -> list[Table]:
+    """The largest departures, and all others together; empty of a nominal geometry."""
+    named = clear(found)
+    rows = [[departure_words(one), change_words(one), length(one.position_rms)] for one in named]
+    others = [one for one in found if one not in named]
+    if others:
+        together = size_of(np.sum([one.displacement for one in others], axis=0))
+        whole = size_of(np.sum([one.displacement for one in found], axis=0))
+        rows += [["all others together", "", length(together)]] if named else []
+        rows.append(["all parameters together", "", length(whole)])
+    return [Table(HEAD, rows, (1, 2))] if rows else []
+
+
+def geometry_line(found: Sequence[Departure]) -> str:
+    """Which parameters make the error of the nominal geometry, in a sentence; empty of a nominal geometry."""
+    if not found:
+        return ""
+    named, whole = clear(found), size_of(np.sum([one.displacement for one in found], axis=0))
+    if not named:
+        return (
+            f"Geometry: {counted(len(found), 'parameter')} differ from nominal and displace the TCP by {length(whole)}; "
+            "these data determine none of them by itself."
+        )
+    first = named[0]
+    what = f"{departure_words(first)}, {change_words(first)}, displaces the TCP by {length(first.position_rms)}"
+    left = size_of(np.sum([one.displacement for one in found if one is not first], axis=0)) if found[1:] else 0.0
+    if left**2 < MOST * whole**2:
+        return f"Geometry: {what}."
+    return f"Geometry: many parameters displace the TCP by {length(whole)} together; the largest: {what}."
+
+
+def all_departures(found: Sequence[Departure]) -> Table:
+    """All departures, with what the data do not determine marked."""
+    rows = [
+        [departure_words(one), change_words(one) if one.determined else "not determined", length(one.position_rms)]
+        for one in found
+    ]
+    return Table(HEAD, rows, (1, 2))

@@ -1,0 +1,64 @@
+"""What to do now: commands for the model of a result, and what to measure next."""
+
+from __future__ import annotations
+
+from gtpin.calibration.result import Calibration
+from gtpin.compensation.correctable import correctable
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.model.dh import chain_of
+from gtpin.model.model import Model
+from gtpin.report.page import Step
+from gtpin.report.phrases import SURE, named
+from gtpin.report.verdict import too_few
+from gtpin.report.words import joined
+
+MEASURE = Step(
+    "Measure more poses, and run the command again. Poses to choose:",
+    "gtpin plan DIR --for calibration --poses 40 -o plan",
+)
+PROGRAM = "gtpin export DIR --commands program.csv -o corrected.csv"
+
+
+def steps(d: Diagnosis) -> list[Step]:
+    """What to do after a diagnosis."""
+    if too_few(d):
+        return [MEASURE]
+    found = geometry_steps(d.model)
+    if kept := sure_corrections(d):
+        what = f"Tables that correct {joined(kept)}, for a controller that has the calibrated geometry:"
+        found.append(Step(what, "gtpin export DIR -o corrections.csv"))
+    if d.causes and d.verdict != "unknown":
+        found.append(Step("A program, corrected for everything that the model knows:", PROGRAM))
+    members = {f"{m.effect}@{m.site}" for c in d.causes if c.probability < SURE for m in c.members}
+    wanted = members | ({"unknown"} if d.verdict == "unknown" else set())
+    found += [Step(e.measure) for e in d.next_experiment if wanted & {*e.separates}][:1]
+    if d.verdict == "explained":
+        confirm = (
+            "Confirm: repair the cause or load the corrections, then measure as many poses again and diagnose them."
+        )
+        found.append(Step(f"{confirm} Only noise should be left."))
+    return found
+
+
+def calibration_steps(c: Calibration) -> list[Step]:
+    """What to do after a calibration."""
+    if any(one.left_out > one.before for one in c.by_instrument):
+        return [MEASURE]
+    cause = Step("The causes of the errors that are left:", "gtpin diagnose DATASET -o diagnosis")
+    return geometry_steps(c.model) if c.explained else [cause, *geometry_steps(c.model)]
+
+
+def geometry_steps(model: Model) -> list[Step]:
+    """The commands that write a calibrated geometry."""
+    found = [Step("The calibrated geometry for other programs:", "gtpin export DIR -o corrected.urdf")]
+    if chain_of(model.robot):
+        found.append(Step("What to add to the controller's table:", "gtpin export DIR -o dh.csv --format dh"))
+    return found
+
+
+def sure_corrections(d: Diagnosis) -> list[str]:
+    """Certain causes that a controller with the calibrated geometry can correct, with tables for single actuators that
+    ``gtpin export`` writes."""
+    sure = {(c.effect, c.site) for c in d.causes if c.probability >= SURE}
+    kept = [active for active in correctable(d.model) if (active.effect.id, active.site) in sure]
+    return [named(active.effect, active.site) for active in kept]

@@ -1,0 +1,96 @@
+"""Departures of a calibrated geometry from nominal: a zero that is off is found as a zero, with what it moves the TCP by."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from monte_carlo import assert_chi2
+from scipy.spatial.transform import Rotation
+
+import gtpin
+from gtpin.data import InstrumentSection
+from gtpin.model.departures import departures, size_of
+
+FIVE_BAR = str(Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf")
+pytestmark = pytest.mark.filterwarnings("ignore:parameters more than", "ignore:the nominal model is not")  # as is meant
+TURNED = np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
+NOISE = 2e-5
+
+
+def seen(robot, joint, off, frame="robot", seed=1):
+    """Commands of a nominal robot whose joint stands at ``off`` when its command is zero, and the calibration of its poses."""
+    machine, rng = gtpin.load_robot(robot), np.random.default_rng(seed)
+    q = machine.home_q + rng.uniform(-1.0, 1.0, (60, machine.n_actuators)) * (1.0 if robot == "ur10" else 0.3)
+    shift = np.zeros(machine.n_actuators)
+    shift[joint] = off
+    nominal = gtpin.Model(gtpin.Geometry.nominal(machine))
+    T = nominal.predict(q + shift).T + NOISE * rng.standard_normal((len(q), 3))
+    T = T @ TURNED.T + [1.0, 2.0, 3.0] if frame == "free" else T
+    dataset = gtpin.Dataset(
+        robot, [str(i) for i in range(len(q))], q, T, instrument=InstrumentSection(frame=frame, position_sigma=NOISE)
+    )
+    moved = nominal.predict(q + shift).T - nominal.predict(q).T
+    return q, moved, gtpin.calibrate(dataset)
+
+
+@pytest.mark.parametrize(
+    ("robot", "joint", "off"),
+    [("ur10", 2, np.deg2rad(1.0)), (FIVE_BAR, 0, np.deg2rad(1.0)), ("gantry_tau", 1, 9e-3)],
+)
+def test_a_zero_that_is_off_comes_first_with_the_displacement_that_it_makes(robot, joint, off) -> None:
+    q, moved, calibration = seen(robot, joint, off)
+    first = departures(calibration.model, q)[0]
+    assert first.name == f"zero[{gtpin.load_robot(robot).sites[joint]}]"
+    assert abs(first.value - off) < 4.0 * first.sigma
+    # In the same proportion to the whole as its value to the true one.
+    assert first.position_rms == pytest.approx(size_of(moved) * abs(first.value / off), rel=0.01)
+
+
+def test_where_the_instrument_stood_anywhere_a_displacement_is_without_what_its_place_absorbs() -> None:
+    off = np.deg2rad(1.0)
+    q, moved, calibration = seen("ur10", 2, off, frame="free")
+    first, *others = departures(calibration.model, q)
+    assert first.name == "zero[elbow_joint]"
+    nominal = calibration.by_instrument[0].before  # of the nominal robot, at the best place of the instrument
+    assert first.position_rms == pytest.approx(nominal, rel=0.01)
+    assert first.position_rms < 0.6 * size_of(moved)
+    assert size_of(sum(one.displacement for one in others)) < 0.01 * nominal
+
+
+def test_all_departures_together_are_the_displacement_from_the_nominal_to_the_calibrated_pose() -> None:
+    for robot, joint, off in (("ur10", 2, 0.01), ("gantry_tau", 1, 3e-3)):
+        q, _, calibration = seen(robot, joint, off)
+        nominal = gtpin.Model(gtpin.Geometry.nominal(calibration.model.robot))
+        change = calibration.model.predict(q).T - nominal.predict(q).T
+        whole = sum(one.displacement for one in departures(calibration.model, q))
+        assert size_of(whole - change) < 0.01 * size_of(change)
+
+
+def test_a_nominal_geometry_has_no_departures() -> None:
+    model = gtpin.read_model("ur5")
+    assert departures(model, model.robot.home_q[None]) == ()
+
+
+@pytest.mark.slow
+def test_sigmas_of_a_zero_hold_and_others_are_not_named() -> None:
+    """Machines with deviations as large as the tolerances, and one zero far beyond them."""
+    machine, z, named = gtpin.load_robot("gantry_tau"), [], []
+    nominal, off = gtpin.Geometry.nominal(machine), np.array([0.0, 0.009, 0.0])
+    for seed in range(30):
+        rng = np.random.default_rng([seed, 5])
+        true = nominal.with_values(nominal.values + nominal.tolerance * rng.standard_normal(len(nominal.values)))
+        q = rng.uniform(-0.4, 0.4, (60, 3))
+        poses = gtpin.Model(true).predict(q + off)
+        T = poses.T + NOISE * rng.standard_normal((60, 3))
+        ids = [str(i) for i in range(60)]
+        given = InstrumentSection(position_sigma=NOISE, orientation_sigma=5e-5)
+        turned = Rotation.from_rotvec(5e-5 * rng.standard_normal((60, 3))) * Rotation.from_matrix(poses.R)
+        wxyz = turned.as_quat(scalar_first=True)
+        found = departures(gtpin.calibrate(gtpin.Dataset("gantry_tau", ids, q, T, wxyz, instrument=given)).model, q)
+        zeros = {one.name: one for one in found if one.what == "zero"}
+        named += zeros
+        if one := zeros.get("zero[cart2]"):
+            z.append((one.value - off[1]) / one.sigma)
+    assert len(z) >= 25
+    assert len(named) - len(z) <= 5  # one joint in twenty
+    assert_chi2(float(np.sum(np.square(z))), len(z))
