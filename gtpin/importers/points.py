@@ -22,7 +22,7 @@ from gtpin.data.names import ORIENTATION, POSITION, is_command
 from gtpin.data.table import has_decimal_comma, number
 from gtpin.errors import DatasetError
 from gtpin.importers.lines import decimal, text_lines
-from gtpin.importers.matched import Match, check_ranges, matched
+from gtpin.importers.matched import Match, in_range, matched
 from gtpin.robot.chain import Chain
 from gtpin.robot.library import load_robot
 from gtpin.typing import Floats
@@ -77,7 +77,7 @@ class NamedColumns:
 
         ``metres``: the unit of x, y and z. Raises `DatasetError` for a command that is far outside the robot's range.
         """
-        check_ranges(commands, load_robot(robot, tcp))
+        commands = in_range(commands, load_robot(robot, tcp))
         own = {n: v for n, v in self.values.items() if n not in (*POSITION, *ORIENTATION) and not is_command(n)}
         return Dataset(
             robot=robot,
