@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import permutations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +26,9 @@ _NEARLY_ALL = 0.95
 """Share of a column's values that must fit another unit for the message that they look like it. Assumed."""
 TURNS = 3.0
 """Turns from zero, in either direction, beyond which commands of a joint without limits look like degrees. Assumed."""
+ONCE = 2.0 * np.pi
+"""Angle, rad, by which a command may be off its range for whole turns to be taken off: one turn. Assumed: controllers count
+from 0 to 360 degrees or to either side; commands in degrees are farther off."""
 _SEVERAL = 6
 """Fewest rows out of range for the message that a part of a column is in another unit. Assumed."""
 _AS_NAMED = "wxyz"
@@ -42,6 +45,42 @@ _ALIKE = 0.01
 def certainly(error: DatasetError, _: Any) -> None:
     """Raise the error: no mistake is doubted."""
     raise error
+
+
+Rows = TypeVar("Rows", Dataset, Commands)
+
+
+def without_whole_turns(
+    rows: Rows, *, names: Sequence[str], lower: ArrayLike, upper: ArrayLike, revolute: ArrayLike
+) -> Rows:
+    """The rows with commands outside their ranges less a whole turn, in columns that fit their ranges then.
+
+    A controller may count from 0 to 360 degrees where the robot's file has a range about 0. Columns with values that are
+    more than a turn off the range, as degrees are, stay as they are. ``names`` to ``revolute``: as for :func:`check_commands`.
+
+    Warns: names the column and the number of rows.
+    """
+    low, high = np.asarray(lower, float), np.asarray(upper, float)
+    turns = np.asarray(revolute, bool) & np.isfinite(high - low)
+    if rows.n_actuators != len(names) or not turns.any():
+        return rows
+    middle, half = np.where(turns, (low + high) / 2.0, 0.0), np.where(turns, (high - low) / 2.0, np.inf)
+    off = rows.q - middle
+    whole = np.where(turns & (np.abs(off) > half), np.round(off / (2.0 * np.pi)), 0.0)
+    inside = np.abs(off - 2.0 * np.pi * whole) <= half
+    whole[:, (inside.mean(axis=0) < _NEARLY_ALL) | (np.abs(off) > ONCE + half).any(axis=0)] = 0.0
+    whole[~inside] = 0.0
+    if not whole.any():
+        return rows
+    q = rows.q - 2.0 * np.pi * whole
+    for j in map(int, np.flatnonzero(whole.any(axis=0))):
+        first, count = int(np.argmax(whole[:, j] != 0.0)), int(np.count_nonzero(whole[:, j]))
+        warn_of(
+            rows.file,
+            f"q{j + 1}: a whole turn is taken off in {count} of {len(q)} rows, since {names[j]} turns from {low[j]:g} to "
+            f"{high[j]:g} rad (in row {rows.place(first)[1]}, {rows.q[first, j]:g} becomes {q[first, j]:.6g})",
+        )
+    return replace(rows, q=q)
 
 
 def check_commands(

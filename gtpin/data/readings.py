@@ -11,8 +11,7 @@ from typing import Final, Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.data.names import command_names
-from gtpin.typing import Floats, Mask
+from gtpin.typing import Floats
 
 UNITS = (
     ("millimetres", 1e-3),
@@ -257,45 +256,3 @@ def misread() -> Iterator[Misread]:
         numbers, read = _described(meant, by_axis), _described(taken, by_axis)
         looks = f"the orientations look like {numbers} that were read as {read}"
         yield Misread(looks, f"compute qw qx qy qz again, from {numbers}", 1, meant, taken, by_axis)
-
-
-@dataclass(frozen=True)
-class CommandReading(Reading):
-    """A way to read the columns q1 .. qn: ``columns``, those that are read in another way, and ``q`` (N, n), m or rad."""
-
-    columns: str
-    q: Floats
-
-
-def command_readings(q: Floats, revolute: Mask) -> Iterator[CommandReading]:
-    """Ways to read commands (N, n), m or rad, of actuators that turn, (n,) True, or slide.
-
-    One column or all with the other sign or in another unit; two columns swapped; all columns in reverse order, or shifted by
-    one.
-    """
-    names, count = command_names(q.shape[1]), q.shape[1]
-    everything = " ".join(names)
-    for some in [*([i] for i in range(count)), *([list(range(count))] if count > 1 else [])]:
-        columns, look = " ".join(names[i] for i in some), "looks" if len(some) == 1 else "look"
-        units: tuple[tuple[str, float], ...] = () if revolute[some].any() else UNITS
-        if revolute[some].all():
-            units = (("degrees", float(np.pi / 180.0)),)
-        scale = np.ones(count)
-        scale[some] = -1.0
-        yield CommandReading(f"{columns} {look} reversed", f"change the sign of {columns}", 1, columns, q * scale)
-        for unit, factor in units:
-            scale[some] = factor
-            hint = f"multiply {columns} by {factor:.6g}"
-            yield CommandReading(f"{columns} {look} like {unit}", hint, 1, columns, q * scale)
-    for i, j in combinations(range(count), 2):
-        order = list(range(count))
-        order[i], order[j] = j, i
-        one, two = names[i], names[j]
-        yield CommandReading(f"{one} and {two} look swapped", "swap them", 1, f"{one} {two}", q[:, order])
-    if count > 2:
-        yield CommandReading("q1 .. qn look to be in reverse order", "reverse them", 1, everything, q[:, ::-1])
-        for by in (1, -1):
-            order = np.roll(range(count), by).tolist()
-            assigned = ", ".join(f"{names[i]} = {names[j]}" for i, j in enumerate(order))
-            looks, hint = f"{everything} look shifted by one", f"write ({assigned})"
-            yield CommandReading(looks, hint, 1, everything, q[:, order])

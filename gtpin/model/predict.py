@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.data import Commands, check_commands
+from gtpin.data import Commands, check_commands, without_whole_turns
 from gtpin.data.table import Column
 from gtpin.effects.active import warn_of_extrapolation
 from gtpin.errors import ModelError, UnreachableError
@@ -20,6 +20,9 @@ def predict(model: Model, commands: Commands) -> Poses:
     can't be reached; the message names its row. Warns: names effects that are extrapolated, and where they were fitted.
     """
     robot = model.robot
+    commands = without_whole_turns(
+        commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute
+    )
     check_commands(commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
     outside = np.flatnonzero(model.geometry.outside(commands.q))
     if outside.size:

@@ -8,7 +8,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtpin
-from gtpin.data import Commands, Dataset, InstrumentSection, check_commands, check_measurements
+from gtpin.data import (
+    Commands,
+    Dataset,
+    InstrumentSection,
+    check_commands,
+    check_measurements,
+    without_whole_turns,
+)
 from gtpin.data.plausible import misplaced, misplaced_order
 from gtpin.errors import DatasetError, GtpinWarning
 from gtpin.robot.library import load_robot
@@ -219,3 +226,25 @@ def test_commands_for_fewer_joints_say_how_to_name_those_that_were_commanded() -
         DatasetError, match=r"7 columns of commands, but the robot has 8 actuators.*actuators = \[...\]"
     ):
         check_robot(load_robot("panda"), np.zeros((5, 7)))
+
+
+def turned(q: np.ndarray, **limits: float) -> np.ndarray:
+    low, high = limits.get("low", -1.9), limits.get("high", 1.9)
+    rows = Commands([str(i) for i in range(len(q))], q[:, None])
+    return without_whole_turns(rows, names=["j"], lower=[low], upper=[high], revolute=[True]).q[:, 0]
+
+
+@pytest.mark.parametrize(("low", "high"), [(-1.9, 1.9), (-2.24, 2.24), (-3.1, 3.1), (-1.0, 3.0), (-4.0, 1.0)])
+@pytest.mark.parametrize("first", [0.0, -360.0])
+def test_commands_that_count_whole_turns_are_brought_into_the_range_and_it_is_told(low, high, first):
+    right = np.random.default_rng(3).uniform(low, high, 50)
+    counted = np.deg2rad((np.rad2deg(right) - first) % 360.0 + first)
+    with pytest.warns(GtpinWarning, match=r"q1: a whole turn is taken off in \d+ of 50 rows, since j turns from"):
+        assert turned(counted, low=low, high=high) == pytest.approx(right, abs=1e-12)
+
+
+def test_commands_in_their_range_or_in_degrees_or_far_outside_stay_as_they_are():
+    rng = np.random.default_rng(4)
+    for q in (rng.uniform(-1.9, 1.9, 50), rng.uniform(-90, 90, 50), np.linspace(-1.9, 2.2, 50)):
+        assert np.array_equal(turned(q), q)
+    assert np.array_equal(turned(np.linspace(0.0, 6.2, 50), low=-7.0, high=7.0), np.linspace(0.0, 6.2, 50))

@@ -14,7 +14,7 @@ from gtpin.calibration.checks.moved_rows import check_instrument_steps, check_st
 from gtpin.calibration.checks.moved_sessions import check_sessions_linear
 from gtpin.calibration.checks.prior_conflict import relieved, strain
 from gtpin.calibration.checks.suspected import BEYOND, MISFIT, STRAYED, far_from_declared, refuse
-from gtpin.calibration.checks.usable_rows import check_moved, plausible_rows, reach_of
+from gtpin.calibration.checks.usable_rows import check_moved, check_other_readings, plausible_rows, reach_of
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.calibration.robust_fit import RobustFit
@@ -86,19 +86,20 @@ def settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
             warn(f"set aside as gross errors: poses {', '.join(kept.names_of(~settled.used))}")
         _check_fit(kept, settled, seen)
         found = _unstrained(*with_credible_noise(fit, settled)) if doubt else settled
-    if doubt and coarse is None:
-        check_moved(kept, found.fit.point.model.geometry, fit.whole.start.geometry, fit.near, fit.found)
+        if doubt and coarse is None:
+            check_moved(kept, found.fit.point.model.geometry, fit.whole.start.geometry, fit.near, fit.found)
     return found
 
 
 @contextlib.contextmanager
 def _explained(dataset: Dataset, fit: RobustFit, measured: Measured, far: Mask) -> Iterator[None]:
-    """Context of a fit: if it fails because of moved sessions, coarse commands or shifted rows, the error says so."""
+    """Context of a fit: if it fails because of another mistake of the user, the error names this mistake."""
     try:
         yield
     except (ConvergenceError, DatasetError) as error:
-        if error.row is not None:  # it names what is wrong already
+        if error.row is not None or error.column is not None:  # it names what is wrong already
             raise
+        check_other_readings(dataset, fit.whole.start, fit.near, failed=True)
         check_stretch(dataset, measured, fit.whole.start.in_instrument_frame(fit.near), far)
         check_sessions_linear(dataset, fit.whole, fit.near)
         coarse = _coarse_commands(fit.whole.start, measured, fit.near)
@@ -184,7 +185,9 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> None:
         share = f"{MOST:.0%} of the poses"
         what = f"calibration leaves {worst * 1e3:.3g} mm and more at {share}: these can't be the robot's poses"
     if what:
-        hint = 'check the order and signs of columns, and whether the instrument stood elsewhere (frame = "free")'
+        hint = "check the order, signs and zeros of columns"
+        if kept.instrument.frame != "free":
+            hint += ', and whether the instrument stood elsewhere (frame = "free")'
         lines = kept.row[settled.used]
         found = stretch(errors > max(10.0 * float(np.quantile(errors, 0.25)), WHOLE))
         row = None

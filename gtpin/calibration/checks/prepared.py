@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.data import Dataset
+from gtpin.data import Dataset, without_whole_turns
 from gtpin.data.duplicates import counted_once
 from gtpin.data.files import warn_of
 from gtpin.data.sane import check_extremes
@@ -38,16 +38,20 @@ def check_actuators(robot: Chain, dataset: Dataset) -> None:
 
 
 def prepared(dataset: Dataset, nominal: Model) -> Dataset:
-    """The dataset with positions, without copies of rows, and without a constant orientation where the robot must turn.
+    """The dataset with positions; without whole turns, copies of rows, and a constant orientation where the robot must turn.
 
     Raises `DatasetError` if dataset.toml contradicts the rows, or all commands are the same. Warns: says what is left out.
     """
     check_extremes(dataset)
-    dataset = counted_once(with_positions(dataset, nominal.robot))
+    robot = nominal.robot
+    dataset = without_whole_turns(
+        dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute
+    )
+    dataset = counted_once(with_positions(dataset, robot))
     wxyz = dataset.orientation
     if wxyz is None or len(wxyz) < 2 or (1.0 - np.abs(wxyz @ wxyz[0]) >= SAME).any():
         return dataset
-    if dataset.n_actuators != nominal.robot.n_actuators:
+    if dataset.n_actuators != robot.n_actuators:
         return dataset
     poses = nominal.kinematics.forward(dataset.q)
     R = poses.R[poses.reached]

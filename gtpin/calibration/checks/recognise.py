@@ -9,12 +9,12 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gtpin.calibration.checks.commands import CommandReading, CommandSearch, one_mistake, several_mistakes
 from gtpin.calibration.free_target import without_target
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data.readings import (
     Orientations,
     RotationReading,
-    command_readings,
     misread,
     orientation_readings,
     position_readings,
@@ -36,6 +36,9 @@ ALLOWED = 5e-3
 """Error of a machine, m, that is always accepted, even in a small workspace. Assumed."""
 BETTER = 4.0
 """Factor by which another reading must bring the data nearer to the nominal model. Assumed."""
+FAR_BETTER = 10.0
+"""Factor by which a reading with more mistakes must be nearer than one with fewer, and a reading be nearer after a fit has
+failed. Assumed: a wrong geometry, frame or target takes up some part of a mistake, and not nine tenths of it."""
 AS_GOOD, CLOSE = 1.5, 0.02
 """A reading with fewer mistakes is preferred where its misfit is at most `AS_GOOD` times the smallest one plus `CLOSE` times
 the workspace's size. Assumed."""
@@ -43,8 +46,6 @@ STRAYED = 3.0
 """Misfit, in expected errors of the nominal model, above which frame, commands and target are doubted. Assumed."""
 LINE = 0.1
 """Ratio of a workspace's width to its length below which positions do not determine a rotation about its length. Assumed."""
-STEPS = 4
-"""Number of Gauss-Newton steps that determine the shift of a drive's commands."""
 REACHED = 0.75
 """Share of the rows that the nominal model must reach when commands are read in another way. Assumed."""
 MOVED = 1e-9
@@ -96,9 +97,11 @@ class Interpretation:
 
 
 def recognised(
-    nominal: Model, poses: Poses, measured: Measured, *, free: bool, free_target: bool = False
+    nominal: Model, poses: Poses, measured: Measured, *, free: bool, free_target: bool = False, failed: bool = False
 ) -> Interpretation | None:
     """The usual mistake that makes data fit the nominal model; None where they fit without a correction, or no mistake fits.
+
+    ``failed``: whether a fit of the data has failed. Then any correction is named that leaves a tenth of the misfit.
 
     These are tried, alone and together: units of lengths, of some axes or all; axes that are swapped or reversed; quaternions
     that are inverted or along other axes, Euler angles and rotation vectors; commands in another order, sign or unit, or
@@ -108,26 +111,29 @@ def recognised(
     ``free_target``: whether the instrument's pose, and the target's place on the platform, are declared unknown.
     """
     some = np.linspace(0, len(poses) - 1, min(len(poses), ROWS)).astype(int)
-    search = Search(nominal, measured.take(some), poses[some], free, free_target)
-    if search.size == 0.0 or search.misfit <= search.accepted:
+    search = Search(nominal, measured.take(some), poses[some], free, free_target, failed)
+    if search.size == 0.0 or (search.misfit <= search.accepted and not failed):
         return None
-    most = min(search.misfit / BETTER, search.accepted)
-    tried = [(misfit, reading) for misfit, reading in search.tried() if misfit <= most]
+    enough = min(search.misfit / FAR_BETTER, search.accepted)
+    most = enough if failed else min(search.misfit / BETTER, search.accepted)
+    tried = [(misfit, reading) for misfit, reading in search.tried(min(enough, search.expected)) if misfit <= most]
     if not tried:
         return None
     # A misfit like that of correct data is enough: readings with free numbers, of a frame or a rotation, always fit better.
-    enough = max(AS_GOOD * min(misfit for misfit, _ in tried) + CLOSE * search.size, search.fits)
-    good = [(misfit, reading) for misfit, reading in tried if misfit <= enough]
+    # But none of these leaves a tenth of it.
+    least = min(misfit for misfit, _ in tried)
+    alike = max(AS_GOOD * least + CLOSE * search.size, min(search.fits, FAR_BETTER * least))
+    good = [(misfit, reading) for misfit, reading in tried if misfit <= alike]
     fewest = min(reading.mistakes for _, reading in good)
     chosen = [t for t in good if t[1].mistakes == fewest]
     # Of readings that fit equally well none is preferred: all are named, the usual ones first.
     best, first = min(chosen, key=lambda t: t[0])
     # The workspace is that of the best reading: commands in another unit predict poses kilometres away.
     size = float(np.sqrt(((first.poses.T - first.poses.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
-    close = max(AS_GOOD * best, min(search.fits, FITS * size + ALLOWED))
-    alike = [reading for misfit, reading in chosen if misfit <= close]
-    looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in alike), strict=True))
-    return replace(alike[0], looks=looks, hint=hints, mistakes=fewest)
+    close = max(AS_GOOD * best, min(search.fits, FITS * size + ALLOWED, FAR_BETTER * best))
+    named = [reading for misfit, reading in chosen if misfit <= close]
+    looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in named), strict=True))
+    return replace(named[0], looks=looks, hint=hints, mistakes=fewest)
 
 
 def either(words: Iterable[str]) -> str:
@@ -150,12 +156,14 @@ class Search:
     A free target is placed anew for each reading: its first guess is that of the data as they are, mistakes included.
     """
 
-    def __init__(self, nominal: Model, measured: Measured, poses: Poses, free: bool, free_target: bool = False) -> None:
+    def __init__(
+        self, nominal: Model, measured: Measured, poses: Poses, free: bool, free_target: bool, failed: bool
+    ) -> None:
         self.free_tool = any(p.kind == "platform" for p in nominal.geometry.parameters)
         if free_target:
             nominal = replace(nominal, geometry=without_target(nominal.geometry))
             poses = nominal.kinematics.forward(measured.q)
-        self.nominal, self.all, self.free, self.free_target = nominal, measured, free, free_target
+        self.nominal, self.all, self.free, self.free_target, self.failed = nominal, measured, free, free_target, failed
         there = poses.reached
         self.reached = float(there.mean())
         self.measured, self.poses = measured.take(there), poses[there]
@@ -206,31 +214,46 @@ class Search:
 
     @property
     def strayed(self) -> bool:
-        """Whether the misfit is larger than the tolerances explain. (Within them, a geometry looks much like another frame.)"""
-        return self.misfit > self.fits + STRAYED * self.expected
+        """Whether a fit has failed, or the misfit is larger than the tolerances explain.
 
-    def tried(self) -> Iterator[tuple[float, Interpretation]]:
-        """All readings that can be compared with the model, each after its misfit, m."""
+        Within the tolerances, a geometry looks much like another frame.
+        """
+        return self.failed or self.misfit > self.fits + STRAYED * self.expected
+
+    def tried(self, enough: float) -> Iterator[tuple[float, Interpretation]]:
+        """All readings that can be compared with the model, each after its misfit, m.
+
+        Readings with several mistakes in the commands are tried where no other one leaves less than ``enough``, m.
+        """
+        revolute = self.nominal.robot.revolute
         found = list(self._in_frame(self.free))
         yield from found
         # Another frame is tried after those: geometry within its tolerances moves poses in a similar way. A target at another
         # place is tried last: where the platform rotates little, it moves poses as another frame does.
+        others: list[tuple[float, Interpretation]] = []
         if self.strayed and not self.free and all(m > self.fits or r.mistakes > 1 for m, r in found):
-            yield from self._in_frame(True)
-            yield from (self._tried(reading, True) for reading in self._targets(True))
+            others += self._in_frame(True)
+            others += (self._tried(reading, True) for reading in self._targets(True))
         if self.strayed:
-            yield from (self._tried(reading, self.free) for reading in self._targets(self.free))
+            others += (self._tried(reading, self.free) for reading in self._targets(self.free))
+        yield from others
+        for turned in dict.fromkeys((self.free, True)):
+            if all(m > enough for m, r in (*found, *others)):
+                several = self._commands(several_mistakes(revolute), turned)
+                others += (self._named(misfit, reading, turned) for misfit, reading in several)
+                yield from others
 
     def _in_frame(self, turned: bool) -> Iterator[tuple[float, Interpretation]]:
         for reading in self._measurements(turned):
             yield self._tried(reading, turned)
-        # For poses that are close together, other commands look like a geometry within its tolerances.
-        if self.strayed:
-            for reading in (*self._commands(), *self._shifted(turned)):
-                yield self._tried(reading, turned)
+        for misfit, reading in self._commands(one_mistake(self.nominal.robot.revolute), turned):
+            yield self._named(misfit, reading, turned)
 
     def _tried(self, reading: Interpretation, turned: bool) -> tuple[float, Interpretation]:
-        misfit = self._misfit(reading.measured, reading.poses, turned)
+        return self._named(self._misfit(reading.measured, reading.poses, turned), reading, turned)
+
+    def _named(self, misfit: float, reading: Interpretation, turned: bool) -> tuple[float, Interpretation]:
+        """A reading with its misfit, and with the mistake of another frame than the declared one."""
         reading = replace(reading, free_target=self.free_target)
         if turned and not self.free:
             looks, hint = (
@@ -278,35 +301,20 @@ class Search:
             what = "the poses look inverted (the instrument in the target's frame)"
             yield Interpretation("x y z qw qx qy qz", what, "give the inverse of each", 1, inverse, poses)
 
-    def _commands(self) -> Iterator[Interpretation]:
-        """Readings of the commands that the nominal model can reach."""
-        for command in command_readings(self.all.q, self.nominal.robot.revolute):
-            poses = self.nominal.kinematics.forward(command.q)
-            there = poses.reached
-            if there.mean() > REACHED and there.sum() >= FEWEST:
-                read = replace(self.all, q=command.q).take(there)
-                yield Interpretation(command.columns, command.looks, command.hint, 1, read, poses[there])
-
-    def _shifted(self, turned: bool) -> Iterator[Interpretation]:
-        """Readings with all commands of one actuator shifted by a constant."""
-        if self.lost:
+    def _commands(self, readings: Iterable[CommandReading], turned: bool) -> Iterator[tuple[float, Interpretation]]:
+        """Readings of the commands, with zeros of drives that are fitted to what was measured."""
+        # For poses that are close together, other commands look like a geometry within its tolerances.
+        if not self.strayed:
             return
-        kinematics, q = self.nominal.kinematics, self.measured.q
-        for j in range(q.shape[1]):
-            poses, shift, way = self.poses, 0.0, np.eye(q.shape[1])[j]
-            for _ in range(STEPS):
-                place = self._place(poses, self.measured, turned)
-                turning = kinematics.command_jacobian(q + shift * way, poses)[:, :, j]
-                J = turning[:, :3] + np.cross(turning[:, 3:], poses.R @ place.at)
-                along = ((self.measured.T - place.moved(poses).T) * (J @ place.turn.T)).sum(axis=1)
-                shift += float(np.median(along / np.maximum((J**2).sum(axis=1), 1e-12)))
-                poses = kinematics.forward(q + shift * way)
-                if not poses.reached.all():
-                    break
-            else:
-                looks = f"q{j + 1} looks shifted by {shift:+.3g} (the drive's zero)"
-                moved = replace(self.measured, q=q + shift * way)
-                yield Interpretation(f"q{j + 1}", looks, f"add {shift:.6g} to q{j + 1}", 1, moved, poses)
+        kinematics = self.nominal.kinematics
+        search = CommandSearch(kinematics, self.all, self.size, turned, self.free_target)
+        for misfit, reading, z in search.found(readings):
+            q = self.all.q @ reading.matrix.T + z
+            poses = kinematics.forward(q)
+            there = poses.reached
+            read = replace(self.all, q=q).take(there)
+            words = reading.words(z, kinematics.robot.revolute)
+            yield misfit, Interpretation(reading.columns, *words, reading.mistakes, read, poses[there])
 
     def _targets(self, turned: bool) -> Iterator[Interpretation]:
         """Readings by which the target is not at the TCP on the platform: displaced, rotated, or both."""

@@ -58,15 +58,15 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
     check_mixed_units(inside, seen)
     check_sessions(inside, nominal, seen)
     if poses.reached.mean() <= REACHED:
-        _check_readings(dataset, nominal, poses, ~outside)
+        check_other_readings(dataset, nominal, poses, ~outside)
 
     def doubt(error: DatasetError, corrected: Dataset) -> None:
         turned = error.column == " ".join(ORIENTATION)
         if turned:
             alone = replace(dataset, orientation=None)
             if _looks(alone, nominal, poses, ~outside):  # where positions do not fit either, the order is not known
-                _check_readings(dataset, nominal, poses, ~outside)
-                _check_readings(alone, nominal, poses, ~outside)
+                check_other_readings(dataset, nominal, poses, ~outside)
+                check_other_readings(alone, nominal, poses, ~outside)
                 return
         before, after = (left_after_fit(nominal, measured_poses(d), d.instrument) for d in (dataset, corrected))
         suspect(error, dataset, before, after, exact=turned)
@@ -76,18 +76,24 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
             dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute, suspect=doubt
         )
     except DatasetError:
-        _check_readings(dataset, nominal, poses, ~outside)  # the measurements may show which unit it is
+        check_other_readings(dataset, nominal, poses, ~outside)  # the measurements may show which unit it is
         raise
     plausible = check_measurements(
         dataset, predicted_position=poses.T, predicted_rotation=poses.R, reach=reach_of(geometry), suspect=doubt
     )
-    _check_readings(dataset, nominal, poses, plausible & ~outside)
+    check_other_readings(dataset, nominal, poses, plausible & ~outside)
     return np.asarray(plausible & ~outside)
 
 
-def _check_readings(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) -> None:
-    """Suspect a usual mistake where data only fit the nominal robot when they are read in another way than the format's."""
-    looks = _looks(dataset, nominal, poses, rows)
+def check_other_readings(
+    dataset: Dataset, nominal: Model, poses: Poses, rows: Mask | slice = slice(None), *, failed: bool = False
+) -> None:
+    """Suspect a usual mistake where data only fit the nominal robot when they are read in another way than the format's.
+
+    ``poses``: (N) those of ``nominal`` at the dataset's rows, base frame. ``rows``: those that are used. ``failed``: whether a
+    fit of them has failed.
+    """
+    looks = _looks(dataset, nominal, poses, rows, failed=failed)
     if looks is None:
         return
     error = DatasetError(looks.looks, file=dataset.file, column=looks.columns, hint=looks.hint)
@@ -97,10 +103,12 @@ def _check_readings(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) 
     suspect(error, dataset, before, left_after_fit(nominal, looks.corrected(nominal, free), read))
 
 
-def _looks(dataset: Dataset, nominal: Model, poses: Poses, rows: Mask) -> Interpretation | None:
-    known = dataset.instrument
+def _looks(
+    dataset: Dataset, nominal: Model, poses: Poses, rows: Mask | slice, *, failed: bool = False
+) -> Interpretation | None:
+    free, target = dataset.instrument.frame == "free", dataset.instrument.target == "free"
     measured = measured_poses(dataset.take(rows))
-    return recognised(nominal, poses[rows], measured, free=known.frame == "free", free_target=known.target == "free")
+    return recognised(nominal, poses[rows], measured, free=free, free_target=target, failed=failed)
 
 
 def reach_of(geometry: Geometry) -> float:

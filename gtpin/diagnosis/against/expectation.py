@@ -13,7 +13,7 @@ from gtpin.calibration.checks.prepared import check_actuators, known_noise, prep
 from gtpin.calibration.checks.readable_readings import check_sockets
 from gtpin.calibration.checks.usable_rows import plausible_rows
 from gtpin.calibration.problem import Measured, rough_frame
-from gtpin.data import Dataset, check_commands
+from gtpin.data import Dataset, check_commands, without_whole_turns
 from gtpin.data.duplicates import counted_once
 from gtpin.data.sane import check_extremes, sane_rows
 from gtpin.diagnosis.against.earlier import Earlier
@@ -115,6 +115,9 @@ def _usable_readings(dataset: Dataset, model: Model) -> tuple[Dataset, Readings]
     """As :func:`usable`, one row for each reading. Their noise must be declared: a check has too few to estimate it."""
     robot = model.robot
     check_extremes(dataset)
+    dataset = without_whole_turns(
+        dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute
+    )
     dataset = counted_once(with_positions(dataset, robot))
     check_sockets(dataset, robot)
     whole = single(dataset, robot)

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.data import Commands, check_commands
+from gtpin.data import Commands, check_commands, without_whole_turns
 from gtpin.data.ids import Ids
 from gtpin.errors import DatasetError, warn
 from gtpin.robot.chain import Chain
@@ -20,9 +20,16 @@ Assumed."""
 Match = Literal["pose", "row", "time"]
 
 
-def check_ranges(commands: Commands, robot: Chain) -> None:
-    """Raise `DatasetError` for a command that is far outside the robot's range, with the unit that it looks like."""
+def in_range(commands: Commands, robot: Chain) -> Commands:
+    """The commands, less whole turns where they are in the robot's range then.
+
+    Raises `DatasetError` for a command that is far outside the range, with the unit that it looks like.
+    """
+    commands = without_whole_turns(
+        commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute
+    )
     check_commands(commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    return commands
 
 
 def matched(

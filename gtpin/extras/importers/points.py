@@ -23,7 +23,7 @@ from gtpin.data.names import ORIENTATION, POSITION, is_command
 from gtpin.data.table import has_decimal_comma, number
 from gtpin.errors import DatasetError
 from gtpin.extras.importers.lines import decimal, text_lines
-from gtpin.extras.importers.matched import Match, check_ranges, matched
+from gtpin.extras.importers.matched import Match, in_range, matched
 from gtpin.robot.chain import Chain
 from gtpin.robot.library import load_robot
 from gtpin.typing import Floats
@@ -108,7 +108,7 @@ class NamedColumns:
             return self.take(at >= 0).dataset(
                 robot, commands, at[at >= 0], metres=metres, instrument=instrument, tcp=tcp
             )
-        check_ranges(commands, load_robot(robot, tcp))
+        commands = in_range(commands, load_robot(robot, tcp))
         own = {n: v for n, v in self.values.items() if n not in (*POSITION, *ORIENTATION) and not is_command(n)}
         return Dataset(
             robot=robot,

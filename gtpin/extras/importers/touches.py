@@ -19,7 +19,7 @@ from gtpin.data.instrument_tables import describe_second, written
 from gtpin.data.names import command_names
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError, warn
-from gtpin.extras.importers.matched import check_ranges
+from gtpin.extras.importers.matched import in_range
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.kinematics import Kinematics, nominal
 from gtpin.kinematics.poses import Poses
@@ -163,8 +163,7 @@ def commands(touches: Touches, kinematics: Kinematics, origin: Floats) -> tuple[
             q = by_travel(q, touches.travel, touches.file, robot.name)
             poses = kinematics.forward(q)
     _refuse(touches, poses, robot)
-    check_ranges(Commands(touches.pose, q, {}, touches.row, touches.file), robot)
-    return q, poses
+    return in_range(Commands(touches.pose, q, {}, touches.row, touches.file), robot).q, poses
 
 
 def _refuse(touches: Touches, poses: Poses, robot: Chain) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.problem import with_unknowns
-from gtpin.data import Dataset, check_commands
+from gtpin.data import Dataset, check_commands, without_whole_turns
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.instruments.instrument import Instrument
@@ -121,17 +121,24 @@ def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[DrawnGap, tupl
     """
     check_same_robot(model.robot, dataset)
     model = replace(model, geometry=replace(model.geometry, robot=measuring(model.robot, dataset)))
-    _check(model, dataset)
+    dataset = _checked(model, dataset)
     fitted = model.instruments or _fitted(model, dataset)
     return gap_of(model, dataset, fitted), fitted
 
 
-def _check(model: Model, dataset: Dataset) -> None:
-    """Refuse commands that do not fit the robot, and a free frame that the model does not contain."""
+def _checked(model: Model, dataset: Dataset) -> Dataset:
+    """The dataset without whole turns.
+
+    Refuses commands that do not fit the robot, and a free frame that the model does not contain.
+    """
     robot = model.robot
     if dataset.instrument.frame == "free" and model.frame.is_base:
         raise ModelError("the instrument stood elsewhere, and this model does not know where", hint=CALIBRATED)
+    dataset = without_whole_turns(
+        dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute
+    )
     check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    return dataset
 
 
 def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = ()) -> DrawnGap:
@@ -141,7 +148,7 @@ def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = 
     covariate is missing that an active effect needs, the instrument's frame is free and the model does not contain it, or
     the model lacks one of the instruments. Warns: if the robot can't reach some poses: names them; they are left out.
     """
-    _check(model, dataset)
+    dataset = _checked(model, dataset)
     predicted = model.predict(dataset.q, dataset.covariates)
     reached = predicted.reached
     if not reached.any():
