@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 
 from gtpin.distributions import chi2
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
-from gtpin.typing import Floats, Indices
+from gtpin.typing import Floats, Indices, Mask
 
 SHOWN = 3.84
 """Twice the gain in log likelihood from which repeatability is accepted (false-positive probability 2.5 %): repeatability
@@ -30,6 +30,9 @@ EXACT = 1e-6
 derivative is about the number of residuals."""
 LEAST_CONTRASTS = 8
 """Fewest repeated visits, beyond the first of each pose, from which noise is estimated. Assumed."""
+LARGER, CHANCE = 1.2, 1e-3
+"""Factor by which the scatter between visits exceeds a declared sigma, and p-value, from which the sigma is contradicted: as
+``excess`` and ``chance`` of a diagnosis."""
 ENOUGH = 3000
 """Largest number of poses whose contrasts the likelihood has; more are slower, and hardly more accurate."""
 
@@ -147,6 +150,44 @@ def from_repeats(noise: ReadingNoise, contrast: Floats, by_command: Floats) -> R
     if not noise.estimated.any():
         return replace(found, source="declared")
     return replace(found, source="repeats", dof=3.0 * float(count.sum()))
+
+
+def misfit(noise: ReadingNoise, errors: Floats, by_command: Floats) -> float:
+    """Minus twice the log likelihood of errors (N, c), but for a constant."""
+    covariance = noise.covariance(by_command, errors.shape[1])
+    solved = np.linalg.solve(covariance, errors[..., None])[..., 0]
+    return float(np.linalg.slogdet(covariance)[1].sum() + (errors * solved).sum())
+
+
+def contradicted(
+    found: ReadingNoise, contrast: Floats, by_command: Floats, larger: float = LARGER, chance: float = CHANCE
+) -> Mask:
+    """(G,) declared sigmas that visits contradict: with other ones, larger by a factor, their scatter is much likelier.
+
+    The sigma is wrong, or something changes between visits. ``found``, ``contrast``, ``by_command``: what
+    :func:`from_repeats` gives and takes. ``larger``: the factor. ``chance``: largest p-value of the ratio of likelihoods.
+    """
+    tested = (np.bincount(found.group.ravel(), minlength=len(found.sigma)) >= LEAST_CONTRASTS) & ~found.estimated
+    free = from_repeats(replace(found, estimated=found.estimated | tested), contrast, by_command)
+    gain = misfit(found, tamed(contrast, found.group), by_command) - misfit(
+        free, tamed(contrast, found.group), by_command
+    )
+    likelier = float(chi2.sf(gain, max(np.count_nonzero(tested), 1))) <= chance
+    return tested & likelier & (free.sigma > larger * found.sigma)
+
+
+def within_residuals(noise: ReadingNoise, errors: Floats, by_command: Floats) -> ReadingNoise:
+    """The noise that repeated visits show, or that of residuals where these are smaller and reject it by their likelihood.
+
+    Residuals have the noise, and errors of the model besides: they bound the noise from above. ``errors``: (N, c) residuals,
+    m and rad, enlarged for the parameters of the fit. ``by_command``: (N, c, n) derivative of the readings by the commands.
+    """
+    if noise.repeatability == 0.0:
+        return noise
+    least = likeliest(noise, errors, by_command, np.ones(len(errors)))
+    size, smaller = (np.linalg.slogdet(n.covariance(by_command, errors.shape[1]))[1].sum() for n in (noise, least))
+    shown = smaller < size and misfit(noise, errors, by_command) - misfit(least, errors, by_command) > SHOWN
+    return replace(noise, sigma=least.sigma, repeatability=least.repeatability) if shown else noise
 
 
 def _alike(noise: ReadingNoise, contrast: Floats, by_command: Floats) -> tuple[Indices, Floats, Floats]:

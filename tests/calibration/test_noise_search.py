@@ -12,7 +12,7 @@ from scipy.stats import multivariate_normal
 from urdfs import crossing
 
 import gtpin
-from gtpin.noise.estimate import LEAST_CONTRASTS, contrasts, from_repeats, likeliest
+from gtpin.noise.estimate import LEAST_CONTRASTS, contrasts, from_repeats, likeliest, within_residuals
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
 
 Floats = np.ndarray
@@ -122,3 +122,26 @@ def test_the_likeliest_noise_is_a_maximum_and_near_the_true_one(components: int)
         ratios.append([*(found.sigma / truth), found.repeatability / 30e-6])
     mean, error = np.mean(ratios, axis=0), np.std(ratios, axis=0, ddof=1) / np.sqrt(len(ratios))
     assert (np.abs(mean - 1.0) < 4.0 * error + 0.02).all(), (mean, error)
+
+
+def test_a_repeatability_that_few_visits_suggest_by_chance_does_not_hold_against_all_residuals() -> None:
+    """And one that there is holds: of residuals of all poses, and of the contrasts of ten that are visited again."""
+    sizes = {0.0: [], 40e-6: []}
+    for seed in range(300):
+        rng = np.random.default_rng([seed, 11])
+        repeatability = 40e-6 if seed % 10 == 0 else 0.0
+        J = arm("ur5", rng.uniform(-2.0, 2.0, (100, 6)))
+        group = np.broadcast_to(np.repeat([0, 1], 3), (100, 6))
+        declared = ReadingNoise(np.array([20e-6, 50e-6]), group, np.full((100, 6), np.nan), np.zeros(2, dtype=bool))
+        lower = np.linalg.cholesky(replace(declared, repeatability=repeatability).covariance(J, 6))
+        few = np.arange(10)
+        contrast, errors = (np.einsum("nij,nj->ni", L, rng.standard_normal((len(L), 6))) for L in (lower[few], lower))
+        found = from_repeats(declared.take(few), contrast, J[few])
+        held = within_residuals(found.at_rows_of(declared), errors, J)
+        sizes[repeatability].append((found.repeatability, held.repeatability))
+    suggested, held = np.array(sizes[0.0]).T
+    assert (suggested > 0.0).any()
+    assert np.square(held).sum() < 0.2 * np.square(suggested).sum()
+    _, held = np.array(sizes[40e-6]).T
+    assert np.median(held) == pytest.approx(40e-6, rel=0.2)  # ten visits tell it to 20 %
+    assert 20e-6 < held.min() < held.max() < 50e-6
