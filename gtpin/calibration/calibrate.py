@@ -24,6 +24,7 @@ from gtpin.calibration.result import Calibration, InstrumentFit
 from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
+from gtpin.distributions import chi2
 from gtpin.effects.active import ActiveEffect
 from gtpin.errors import DatasetError, ModelError, check_kind, noted, warn
 from gtpin.instruments.instrument import up_of
@@ -41,7 +42,7 @@ from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import KINDS, TOLERANCE
 from gtpin.threads import in_one_thread
-from gtpin.typing import Floats, Mask
+from gtpin.typing import Floats, Indices, Mask
 
 FIXED = 80e6
 """Bytes of memory that a calibration needs for any number of poses: chunks of them, and a part that is fitted first."""
@@ -234,6 +235,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, lon
     residual = problem.raw_residual(point, point.poses)
     variance, known = _variances(final, noise), noise.source != "residuals"
     unexplained = unexplained_by(settled.fit, residual, variance, known=known, dof=noise.dof)
+    floor = _at_most(variance, residual, measured.group, settled.dof / problem.count)
     out, some = left_out(final, np.unique(measured.q, axis=0, return_inverse=True)[1].ravel())
     out = np.asarray(np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0], dtype=np.float64)
     readings, k, seen = problem.readings(point.x), len(problem.unit), settled.observability
@@ -265,7 +267,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, lon
         residual_before=before,
         instrument=instrument,
         dataset=whole,
-        by_instrument=tuple(_by_instrument(readings, (before, residual, np.sqrt(variance)), out, some)),
+        by_instrument=tuple(_by_instrument(readings, (before, residual, np.sqrt(floor)), out, some)),
         unknowns=readings.unknowns,
         u=readings.u,
         u_covariance=final.covariance[p : p + k, p : p + k] * np.outer(problem.unit, problem.unit),
@@ -283,6 +285,20 @@ def _variances(fit: Fit[Problem], noise: ReadingNoise) -> Floats:
         J = some.change_by(model.kinematics.command_jacobian(some.q, poses), model, poses)
         found.append(np.diagonal(noise.take(rows).covariance(J, measured.components), axis1=1, axis2=2))
     return np.concatenate(found)
+
+
+def _at_most(variance: Floats, residual: Floats, group: Indices, free: float) -> Floats:
+    """(N, c) variance of the noise, at most what residuals show of each group: the end of their 95 % chi-square interval.
+
+    ``residual``, ``group``: (N, c) residuals, m and rad, and index of the sigma of each number. ``free``: degrees of freedom
+    of a number.
+    """
+    found = variance.copy()
+    for one in np.unique(group):
+        own = group == one
+        most = (residual[own] ** 2).sum() / chi2.ppf(0.025, max(free * np.count_nonzero(own), 1.0))
+        found[own] *= min(1.0, float(most / variance[own].mean()))
+    return found
 
 
 def _by_instrument(readings: Readings, errors: Iterable[Floats], out: Floats, some: Mask) -> Iterator[InstrumentFit]:

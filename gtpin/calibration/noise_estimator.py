@@ -16,7 +16,7 @@ from gtpin.distributions import f, norm
 from gtpin.errors import DatasetError
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses, chunks
-from gtpin.noise.estimate import ENOUGH, LEAST_CONTRASTS, contrasts, from_repeats, stops
+from gtpin.noise.estimate import ENOUGH, LEAST_CONTRASTS, contradicted, contrasts, from_repeats, stops, within_residuals
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise, range_ratio
 from gtpin.typing import Floats, Indices, Mask
 
@@ -98,8 +98,17 @@ class NoiseEstimator:
             # With positions only, or with one declared sigma, repeatability and the instrument's noise look much alike.
             several = noise.estimated.all() and self.whole.measured.components > 3
             return self._with_repeatability(found, outcome, used, residual) if several and not self.lacking else found
-        repeated = from_repeats(noise.take(rows), contrast, self.by_command[rows]).at_rows_of(noise)
-        if not open_:
+        J = self.by_command[rows]
+        repeated = from_repeats(noise.take(rows), contrast, J)
+        wrong = contradicted(repeated, contrast, J)
+        if wrong.any():
+            noise = replace(noise, estimated=noise.estimated | wrong)
+            repeated = from_repeats(noise.take(rows), contrast, J)
+        some, errors = self._residuals(outcome, used, residual)
+        repeated = within_residuals(repeated.at_rows_of(noise).take(some), errors, self.by_command[some]).at_rows_of(
+            noise
+        )
+        if not noise.estimated.any():
             return repeated
         found = self._from_residuals(noise, outcome, fitted, used)
         # Equal readings of all visits are copies, or coarser than the noise: they show none.
@@ -111,7 +120,7 @@ class NoiseEstimator:
             # Few repeats give a rough estimate, all residuals an accurate one: use the latter unless an F test finds it larger.
             larger = found.sigma / repeated.sigma
             taken &= np.array([float(f.sf(r**2, found.dof, repeated.dof)) < LACK_OF_FIT for r in larger])
-        if not taken.any():
+        if not (taken | (noise.estimated & ~self.first.estimated)).any():
             return found
         return replace(repeated, sigma=np.where(taken | ~noise.estimated, repeated.sigma, found.sigma))
 
@@ -131,12 +140,9 @@ class NoiseEstimator:
     ) -> ReadingNoise:
         """The noise with the machine's repeatability, if the residuals show one; for data with few repeated visits."""
         # An instrument's noise does not depend on the drives' directions, so residuals along the motions of single drives
-        # belong to the machine. They are scaled up for the degrees of freedom of the fit. They are repeatability only if they
-        # are independent from pose to pose. Where neighbouring poses have similar residuals, they are a model error
-        # (``model_discrepancy``), which enters the covariance in the same way.
-        rows = np.flatnonzero(used)[:: 1 + np.count_nonzero(used) // ENOUGH]
-        size = np.count_nonzero(used) * residual.shape[1]
-        whole = residual[rows] * np.sqrt(size / max(size - outcome.effective_parameters, 1.0))
+        # belong to the machine. They are repeatability only if they are independent from pose to pose. Where neighbouring poses
+        # have similar residuals, they are a model error (``model_discrepancy``), which enters the covariance in the same way.
+        rows, whole = self._residuals(outcome, used, residual)
         estimate = from_repeats(noise.take(rows), whole, self.by_command[rows])
         if estimate.repeatability == 0.0:
             return noise
@@ -144,6 +150,13 @@ class NoiseEstimator:
         if self._independent(outcome.point, shown, used):
             return shown
         return replace(shown, repeatability=0.0, model_discrepancy=shown.repeatability)
+
+    @staticmethod
+    def _residuals(outcome: Fit[Problem], used: Mask, residual: Floats) -> tuple[Indices, Floats]:
+        """Indices (M,) of ``ENOUGH`` used rows at most, and their residuals (M, c), enlarged for the fit's parameters."""
+        rows = np.flatnonzero(used)[:: 1 + np.count_nonzero(used) // ENOUGH]
+        size = np.count_nonzero(used) * residual.shape[1]
+        return rows, residual[rows] * np.sqrt(size / max(size - outcome.effective_parameters, 1.0))
 
     def _independent(self, point: Point, noise: ReadingNoise, used: Mask) -> bool:
         """Whether the residuals along the motions of single drives are independent from pose to pose, as repeatability is.

@@ -32,6 +32,7 @@ class InstrumentRows:
     - ``component``: (N,) index of the one component of the reading that a row has, from 0; -1 where the row has all
       components.
     - ``known``: for each instrument, by column of ids: the ids in all rows that were read.
+    - ``lacking``: for each instrument, the columns that its table does not have.
     - ``kinds``: the user's own classes of instruments, by their kind.
     """
 
@@ -42,6 +43,7 @@ class InstrumentRows:
     columns: Mapping[str, Column]
     component: NDArray[np.int64]
     known: tuple[Mapping[str, tuple[str, ...]], ...]
+    lacking: tuple[frozenset[str], ...] = (frozenset(),)
     kinds: Mapping[str, type[Any]] = field(default_factory=dict)
 
     @staticmethod

@@ -76,6 +76,7 @@ def read_instruments(path: Path, kinds: Mapping[str, type[Any]]) -> tuple[Descri
             {n: tuple(dict.fromkeys(map(str, part.readings[n]))) for n in part.table.ids if n in part.readings}
             for part in parts
         ),
+        lacking=tuple(frozenset(kinds_of_cells).difference(part.readings) for part in parts),
         kinds=dict(kinds),
     )
     found = {"pose": np.concatenate([part.pose for part in parts]), "q": np.concatenate([part.q for part in parts])}

@@ -68,8 +68,9 @@ def prepare(dataset: Dataset, nominal: Chain, progress: Progress | None = None, 
     # Random draws of rows must not depend on the order of the file.
     own = single(replace(usable, instrument=baseline.instrument), nominal).in_order()
     declared = Readings.of(own, baseline.model.robot).declared
-    sigmas = zip(declared, np.atleast_1d(baseline.noise.estimated), strict=False)
-    return Prepared(recorded, own, baseline, tuple(None if estimated else sigma for sigma, estimated in sigmas))
+    sigmas = zip(declared, baseline.noise.estimated, baseline.noise.sigma, strict=False)
+    kept = (own if own is not None and (shown > own or not estimated) else None for own, estimated, shown in sigmas)
+    return Prepared(recorded, own, baseline, tuple(kept))
 
 
 def _check_size(dataset: Dataset, parameters: int) -> None:

@@ -110,6 +110,8 @@ class Read:
         mine = rows.rows_of(index)
         numbers, ids = {}, {}
         for name, column in rows.columns.items():
+            if name in rows.lacking[index]:
+                continue
             some = column[mine]
             if column.dtype == object:
                 ids[name] = some

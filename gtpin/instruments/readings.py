@@ -281,13 +281,12 @@ class Readings:
     @property
     def fitted(self) -> tuple[FittedInstrument, ...]:
         """The instruments with the values of their unknowns; a lone tracker, which has no name, is none."""
-        numbers = {n: column for n, column in self.rows.columns.items() if column.dtype != object}
         found = []
         for i, one in enumerate(self.instruments):
             if not one.name:
                 continue
-            mine = self._rows[i]
-            columns = tuple(n for n in one.table.optional if n in numbers and np.isfinite(numbers[n][mine]).all())
+            numbers = one.read.numbers
+            columns = tuple(n for n in one.table.optional if n in numbers and np.isfinite(numbers[n]).all())
             values = {unknown.name: float(v) for unknown, v in zip(one.unknowns, self.u[self._own[i]], strict=True)}
             found.append(FittedInstrument(one.table, columns, self.rows.known[i], values))
         return tuple(found)

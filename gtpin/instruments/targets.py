@@ -50,7 +50,7 @@ def placed(blocks: Floats, of: Indices, count: int) -> Floats:
     id ``of`` (M,)."""
     found = np.zeros((*blocks.shape[:2], count, blocks.shape[2]))
     found[np.arange(len(of)), :, of] = blocks
-    return found.reshape(*blocks.shape[:2], -1)
+    return found.reshape(*blocks.shape[:2], count * blocks.shape[2])
 
 
 class Targets:

@@ -147,7 +147,7 @@ class Tracker(OfTargets):
         u, free, shift, F = np.zeros(len(self._kept)), self.table.frame == "free", np.zeros(3), np.eye(3)
         if self.table.target == "free":
             shift, F = self._start_of_targets(nominal, u, free)
-        elif free:
+        elif free and len(self.positions):
             at = Poses(self.targets.positions(nominal, u[: self.targets.count]), nominal.R)
             shift, F = alignment(at, self.positions, self.rotations)
         if free:

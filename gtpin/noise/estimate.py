@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,27 +9,30 @@ from scipy.optimize import minimize
 
 from gtpin.distributions import chi2
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
-from gtpin.typing import Floats, Indices
+from gtpin.typing import Floats, Indices, Mask
 
 SHOWN = 3.84
 """Twice the gain in log likelihood from which repeatability is accepted (false-positive probability 2.5 %): repeatability
 that chance alone suggests would make the estimated noise too large.
 """
 
-STARTS = ((0.2, 0.0), (1.0, -0.6), (2.5, 0.0))
-"""Starting points of the maximisation: repeatability in units of the position noise, and log of the free sigmas over their
-first estimates. The likelihood has several maxima: repeatability much smaller than the noise, as large, and larger."""
-MOST = (100.0, 5.0)
-"""Upper bounds of both; the logs are also bounded below, by minus the second."""
-RESTARTS = 5
-"""Largest number of restarts from where the maximisation stopped: it can stop early where the likelihood is badly scaled."""
-SETTLED = 1e-3
-"""Gain in log likelihood by another start below which the maximisation has converged."""
+STARTS = ((0.2, 1.0), (1.0, 0.5), (2.5, 1.0))
+"""Starting points of the maximisation: repeatability in units of the instrument's noise, and the free sigmas over their first
+estimates. The likelihood has several maxima: repeatability much smaller than the noise, as large, and larger."""
+FARTHEST = (1e4, 150.0)
+"""Largest factors on both; they are at least the inverse of it."""
+NONE = -100.0
+"""Log of a repeatability of no influence."""
+SETTLED = 1e-9
+"""Relative gain in log likelihood by a step below which the maxima are compared; the larger one is then found exactly."""
 EXACT = 1e-6
-"""Slope of the log likelihood at which the last maximisation stops, or before that where rounding hides a smaller one; the
-second derivative is about the number of residuals."""
+"""Slope of the log likelihood at which the maximisation stops, or before that where rounding hides a smaller one; the second
+derivative is about the number of residuals."""
 LEAST_CONTRASTS = 8
 """Fewest repeated visits, beyond the first of each pose, from which noise is estimated. Assumed."""
+LARGER, CHANCE = 1.2, 1e-3
+"""Factor by which the scatter between visits exceeds a declared sigma, and p-value, from which the sigma is contradicted: as
+``excess`` and ``chance`` of a diagnosis."""
 ENOUGH = 3000
 """Largest number of poses whose contrasts the likelihood has; more are slower, and hardly more accurate."""
 
@@ -46,54 +48,58 @@ def likeliest(
     ``count`` (N,): (N, c, c) roots of the mean squares of so many errors that have one covariance. ``by_command``: (N, c,
     n) derivative of the readings by the commands. ``weight``: (N,) factors of the rows' squared errors.
     """
+    noise = replace(noise, sigma=np.maximum(noise.sigma, SMALLEST))
     present = np.bincount(noise.group[~np.isfinite(noise.row_sigma)], minlength=len(noise.sigma)) > 0
     open_ = np.flatnonzero(noise.estimated & present)
-    # The unit of repeatability: it moves the readings by as much as their noise.
-    moved = np.sqrt((by_command[:, : errors.shape[1]] ** 2).sum(axis=2))
-    some = moved > 0.0
-    unit = float(np.median(noise.each[some] / moved[some])) if some.any() else 0.0
-    columns = errors.reshape(*errors.shape[:2], -1)
+    c, columns = errors.shape[1], errors.reshape(*errors.shape[:2], -1)
     each = np.ones(len(errors)) if count is None else count
+    # The unit of repeatability: it moves the reading that it moves most by as much as its noise.
+    moved = (np.sqrt((by_command[:, :c] ** 2).sum(axis=2)) / noise.each).max(axis=1)
+    unit = 1.0 / float(np.median(moved[moved > 0.0])) if (moved > 0.0).any() else 0.0
 
-    def trial(x: Floats) -> ReadingNoise:
-        """The noise at x: repeatability in its unit, and the logs of the free sigmas over their first estimates."""
-        sigma = noise.sigma.copy()
-        sigma[open_] *= np.exp(x[1:])
-        return replace(noise, sigma=np.maximum(sigma, SMALLEST), repeatability=unit * float(x[0]))
+    def at(sigma: Floats, repeatability: float = 0.0) -> ReadingNoise:
+        return replace(
+            noise, sigma=np.where(noise.estimated & present, sigma, noise.sigma), repeatability=repeatability
+        )
 
-    def cost(x: Floats) -> float:
-        lower = np.linalg.cholesky(trial(x).covariance(by_command, errors.shape[1]))
-        whitened = np.linalg.solve(lower, columns)
-        logs = (each * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)).sum()
-        return float(logs + 0.5 * (each * weight * (whitened**2).sum(axis=(1, 2))).sum())
+    # The covariance is linear in the squares of the repeatability and of the free sigmas.
+    zeros = np.zeros_like(noise.sigma)
+    fixed = at(zeros).covariance(by_command, c)
+    parts = [at(zeros, unit), *(at(np.where(np.arange(len(zeros)) == group, noise.sigma, 0.0)) for group in open_)]
+    shapes = np.array([part.covariance(by_command, c) - fixed for part in parts]).reshape(len(parts), -1)
 
-    free = len(open_)
-    bounds = [(-MOST[1], MOST[1])] * free
-    repeats, none = [(0.0, MOST[0]), *bounds], [(0.0, 0.0), *bounds]
-    starts = [np.array([first] + [other] * free) for first, other in STARTS]
-    best = min((_climbed(cost, start, repeats) for start in starts), key=cost)
-    without = _climbed(cost, np.zeros(1 + free), none) if free else np.zeros(1)
-    if 2.0 * (cost(without) - cost(best)) > SHOWN:
-        return trial(_exactly(cost, best, repeats))
-    return trial(_exactly(cost, without, none) if free else without)
+    def cost(x: Floats) -> tuple[float, Floats]:
+        """Minus the log likelihood, and its gradient, by the logs of repeatability, in its unit, and of the free sigmas, over
+        their first estimates. By the covariance V it is (V^-1 - V^-1 S V^-1) / 2, with S the squared errors."""
+        size = np.exp(2.0 * x)
+        covariance = fixed + (size @ shapes).reshape(fixed.shape)
+        root = np.linalg.inv(np.linalg.cholesky(covariance))
+        whitened = root @ columns
+        logs = (each * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)).sum()
+        value = 0.5 * (each * weight * (whitened**2).sum(axis=(1, 2))).sum() - logs
+        turned = np.swapaxes(root, 1, 2)
+        solved = turned @ whitened
+        slope = turned @ root - weight[:, None, None] * (solved @ np.swapaxes(solved, 1, 2))
+        return float(value), size * (shapes @ (each[:, None, None] * slope).ravel())
 
+    reach = np.log(np.append(FARTHEST[0], np.full(len(open_), FARTHEST[1])))
+    least = np.append(-reach[0], np.maximum(np.log(SMALLEST / noise.sigma[open_]), -reach[1:]))
 
-def _climbed(cost: Callable[[Floats], float], start: Floats, bounds: list[tuple[float, float]]) -> Floats:
-    """The x of smallest cost that is found from a start; the search is repeated from where it stopped while it gains."""
-    found = minimize(cost, start, bounds=bounds, method="L-BFGS-B")
-    for _ in range(RESTARTS):
-        again = minimize(cost, found.x, bounds=bounds, method="L-BFGS-B")
-        gained = float(found.fun) - float(again.fun)
-        found = again if gained > 0.0 else found
-        if gained < SETTLED:
-            break
-    return np.asarray(found.x, dtype=np.float64)
+    def climbed(start: Floats, most: Floats, gain: float = SETTLED) -> tuple[float, Floats]:
+        """Minus the likelihood's logarithm at its maximum next to a start, and x there; it stops at a smaller relative gain."""
+        options, bounds = {"ftol": gain, "gtol": EXACT}, np.column_stack([np.minimum(least, most), most])
+        found = minimize(cost, start, jac=True, bounds=bounds, method="L-BFGS-B", options=options)
+        return float(found.fun), np.asarray(found.x, dtype=np.float64)
 
-
-def _exactly(cost: Callable[[Floats], float], near: Floats, bounds: list[tuple[float, float]]) -> Floats:
-    """The minimum next to ``near``, with central differences: evidence depends on the sigmas, and rounding must not show."""
-    found = minimize(cost, near, bounds=bounds, method="L-BFGS-B", jac="3-point", options={"ftol": 0.0, "gtol": EXACT})
-    return np.asarray(found.x, dtype=np.float64)
+    starts = (np.log([repeatability] + [sigma] * len(open_)) for repeatability, sigma in STARTS)
+    best, drives = min((climbed(np.maximum(start, least), reach) for start in starts), key=lambda found: found[0])
+    none = np.append(NONE, reach[1:])
+    without, still = climbed(np.minimum(none, 0.0), none)
+    shown = 2.0 * (without - best) > SHOWN
+    _, x = climbed(drives, reach, 0.0) if shown else climbed(still, none, 0.0)
+    sigma = noise.sigma.copy()
+    sigma[open_] *= np.exp(x[1:])
+    return at(np.maximum(sigma, SMALLEST), unit * float(np.exp(x[0])) if shown else 0.0)
 
 
 def stops(q: Floats | Indices, read: Indices) -> Indices:
@@ -144,6 +150,44 @@ def from_repeats(noise: ReadingNoise, contrast: Floats, by_command: Floats) -> R
     if not noise.estimated.any():
         return replace(found, source="declared")
     return replace(found, source="repeats", dof=3.0 * float(count.sum()))
+
+
+def misfit(noise: ReadingNoise, errors: Floats, by_command: Floats) -> float:
+    """Minus twice the log likelihood of errors (N, c), but for a constant."""
+    covariance = noise.covariance(by_command, errors.shape[1])
+    solved = np.linalg.solve(covariance, errors[..., None])[..., 0]
+    return float(np.linalg.slogdet(covariance)[1].sum() + (errors * solved).sum())
+
+
+def contradicted(
+    found: ReadingNoise, contrast: Floats, by_command: Floats, larger: float = LARGER, chance: float = CHANCE
+) -> Mask:
+    """(G,) declared sigmas that visits contradict: with other ones, larger by a factor, their scatter is much likelier.
+
+    The sigma is wrong, or something changes between visits. ``found``, ``contrast``, ``by_command``: what
+    :func:`from_repeats` gives and takes. ``larger``: the factor. ``chance``: largest p-value of the ratio of likelihoods.
+    """
+    tested = (np.bincount(found.group.ravel(), minlength=len(found.sigma)) >= LEAST_CONTRASTS) & ~found.estimated
+    free = from_repeats(replace(found, estimated=found.estimated | tested), contrast, by_command)
+    gain = misfit(found, tamed(contrast, found.group), by_command) - misfit(
+        free, tamed(contrast, found.group), by_command
+    )
+    likelier = float(chi2.sf(gain, max(np.count_nonzero(tested), 1))) <= chance
+    return tested & likelier & (free.sigma > larger * found.sigma)
+
+
+def within_residuals(noise: ReadingNoise, errors: Floats, by_command: Floats) -> ReadingNoise:
+    """The noise that repeated visits show, or that of residuals where these are smaller and reject it by their likelihood.
+
+    Residuals have the noise, and errors of the model besides: they bound the noise from above. ``errors``: (N, c) residuals,
+    m and rad, enlarged for the parameters of the fit. ``by_command``: (N, c, n) derivative of the readings by the commands.
+    """
+    if noise.repeatability == 0.0:
+        return noise
+    least = likeliest(noise, errors, by_command, np.ones(len(errors)))
+    size, smaller = (np.linalg.slogdet(n.covariance(by_command, errors.shape[1]))[1].sum() for n in (noise, least))
+    shown = smaller < size and misfit(noise, errors, by_command) - misfit(least, errors, by_command) > SHOWN
+    return replace(noise, sigma=least.sigma, repeatability=least.repeatability) if shown else noise
 
 
 def _alike(noise: ReadingNoise, contrast: Floats, by_command: Floats) -> tuple[Indices, Floats, Floats]:

@@ -18,6 +18,9 @@ instrument does not stand among the poses.
 SMALLEST = 1e-7
 """Smallest sigma of noise, m and rad: encoders and interferometers read tenths of a micrometre. Derived: below it, rounding
 errors of the kinematics are larger than the noise, and fits do not converge."""
+ROUNDED = 1e-14
+"""Variance in every direction, over the sum of those by the drives: next to a singular posture these are so large that
+rounding errors of them exceed the instrument's noise. Derived: 36 products of double precision."""
 USUAL_TURN = 5e-5
 """Usual noise of orientations, rad, of a tracker that has measured none. Assumed."""
 
@@ -89,8 +92,8 @@ class ReadingNoise:
         if self.sight is not None and self.reach is not None:
             own[:, :3, :3] = self.sigma[0] ** 2 * sight_shape(self.sight, self.reach, self.range_ratio)
         if self.along_drives > 0.0:
-            J = by_command[:, :components]
-            own += self.along_drives**2 * (J @ np.swapaxes(J, 1, 2))
+            J = self.along_drives * by_command[:, :components]
+            own += J @ np.swapaxes(J, 1, 2) + ROUNDED * (J**2).sum(axis=(1, 2))[:, None, None] * np.eye(components)
         return own
 
     def whitening(self, by_command: Floats, components: int) -> Floats:

@@ -1,5 +1,7 @@
 """What the noise is taken to be: declared, from repeats or from residuals, of trackers, with heavy tails and gross errors."""
 
+import re
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -67,6 +69,57 @@ def test_repeated_visits_show_the_repeatability_of_the_carts(declared):
     found.assert_unbiased()
     if declared:
         mean_is([c.chi2_per_dof for c in found.calibrations], 1.0, 0.01)
+
+
+def revisited(rng, factor, drives=0.0, again=10):
+    """100 poses of a machine, some visited again, with a factor on the declared noise and scatter of the carts."""
+    machine, visits = draw(rng), np.concatenate([np.arange(100), np.arange(again)])
+    asked, noise = commands(rng, 100)[visits], factor * SIGMAS * rng.standard_normal((len(visits), 6))
+    moved = asked + drives * rng.standard_normal(asked.shape)
+    return replace(measured(machine, moved, rng, noise=noise), q=asked, pose=visits)
+
+
+def floors(found):
+    return np.array([one.floor for one in found.by_instrument]) / np.sqrt(3.0)
+
+
+@pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 44), marks=pytest.mark.slow)], ids=["4", "40"])
+def test_noise_alone_is_never_more_than_all_poses_show(seeds):
+    """Few visits suggest a repeatability by chance; the residuals of 100 poses do not."""
+    for seed in seeds:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", gtpin.GtpinWarning)
+            found = gtpin.calibrate(revisited(np.random.default_rng([seed, 7]), 1.0))
+        np.testing.assert_allclose(floors(found), [POSITION_SIGMA, ORIENTATION_SIGMA], rtol=0.1)
+        for one in found.by_instrument:
+            assert one.floor < 1.1 * one.after * np.sqrt(found.residual.size / found.dof)
+
+
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+@pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 23), marks=pytest.mark.slow)], ids=["3", "20"])
+def test_a_sigma_that_visits_contradict_is_named_and_their_noise_is_told_of_positions_and_orientations(seeds):
+    for seed in seeds:
+        found = gtpin.calibrate(revisited(np.random.default_rng([seed, 8]), 4.0))
+        for key in ("position_sigma", "orientation_sigma"):
+            assert any(re.match(f"{key} is .* these data show a noise of .* times more", t) for t in found.warnings)
+        assert found.noise_known
+        assert found.noise.repeatability == 0.0
+        np.testing.assert_allclose(floors(found), [4.0 * POSITION_SIGMA, 4.0 * ORIENTATION_SIGMA], rtol=0.2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_scatter_of_the_carts_is_no_wrong_sigma(seed):
+    data = revisited(np.random.default_rng([seed, 9]), 1.0, drives=4.0 * POSITION_SIGMA, again=60)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", gtpin.GtpinWarning)
+        found = gtpin.calibrate(data)
+    assert not found.noise.estimated.any()
+    assert found.noise.repeatability == pytest.approx(4.0 * POSITION_SIGMA, rel=0.25)
+
+
+def test_noise_alone_of_a_declared_sigma_that_is_a_little_too_large_is_what_the_residuals_allow():
+    data = revisited(np.random.default_rng(10), 0.6, again=0)
+    np.testing.assert_allclose(floors(gtpin.calibrate(data)), [0.6 * POSITION_SIGMA, 0.6 * ORIENTATION_SIGMA], rtol=0.2)
 
 
 @pytest.mark.slow

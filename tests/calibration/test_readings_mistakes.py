@@ -18,6 +18,8 @@ from gtpin.calibration.problem import with_unknowns
 from gtpin.data.duplicates import counted_once
 from gtpin.errors import DatasetError, GtpinError
 from gtpin.instruments.readings import Readings, instruments_of, single
+from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import exp
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 MACHINE = draw(np.random.default_rng(21))
@@ -128,6 +130,43 @@ def test_a_known_distance_that_is_a_centimetre_off_is_warned_of(tmp_path):
     distances = [[a, b, d + 0.01, s] for a, b, d, s in CUP.said["distances"]]
     _, said = warned(tmp_path, CUP.saying(distances=distances))
     assert "readings of cup with socket" in said or "tolerances" in said
+
+
+@pytest.mark.parametrize(
+    "others", [(TOUCHES,), (WIRE, LEVEL), (EYE, CUP)], ids=["touches", "wire, level", "camera, cup"]
+)
+def test_gross_errors_of_one_instrument_alone_are_set_aside(tmp_path, others):
+    bad = np.array([5, 17, 40])
+    x = np.array(LASER.columns["x"])
+    x[bad] += 5e-3
+    found, text = warned(tmp_path, LASER.reading(x=x), *others)
+    assert found.rejected == tuple(f"m{i}" for i in bad)
+    assert "gross errors" in text
+
+
+@pytest.mark.parametrize("left", range(5))
+def test_readings_of_which_an_instrument_has_no_row_keep_its_numbers_and_unknowns(tmp_path, left):
+    rng = np.random.default_rng(left)
+    turns = Rotation.random(len(LASER.q), rng=rng).as_quat(scalar_first=True)
+    posed = LASER.reading(**dict(zip(("qw", "qx", "qy", "qz"), turns.T, strict=True))).saying(name="posed")
+    robot = gtpin.load_robot("gantry_tau")
+    data = single(read(tmp_path / "set", LASER, posed, EYE, CUP, TOUCHES), robot)
+    whole = Readings.of(data, robot)
+    poses = Poses(rng.standard_normal((len(whole.q), 3)), exp(rng.standard_normal((len(whole.q), 3))))
+    u = 1e-3 * rng.standard_normal(len(whole.u))
+    some = np.flatnonzero(whole.rows.of != left)
+    part, whole, there = whole.take(some).at(u), whole.at(u), poses[some]
+    assert part.unknowns == whole.unknowns
+    assert part.declared == whole.declared
+    assert [one.table for one in part.fitted] == [one.table for one in whole.fitted]
+    assert [one.columns for one in part.fitted] == [one.columns for one in whole.fitted]
+    np.testing.assert_array_equal(part.group, whole.group[some])
+    np.testing.assert_array_equal(part.row_sigma, whole.row_sigma[some])
+    np.testing.assert_array_equal(part.counted, whole.counted[some])
+    assert part.start(there).shape == u.shape
+    assert part.rms(left, part.residual_at(there)) == 0.0
+    for of in ("residual_at", "by_motion", "by_unknown"):
+        np.testing.assert_allclose(getattr(part, of)(there), getattr(whole, of)(poses)[some], atol=1e-12)
 
 
 def test_known_distances_stay_with_their_rows_in_any_part_of_the_rows(tmp_path):

@@ -11,7 +11,7 @@ import pytest
 
 import gtpin
 from gtpin.data.instrument_tables import TABLES
-from gtpin.instruments import BUILT_IN, Encoder, Instrument, Tracker
+from gtpin.instruments import BUILT_IN, Encoder, Instrument, Socket, Tracker
 from gtpin.instruments.instrument import Read
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, from_quaternions, to_quaternions
@@ -164,3 +164,26 @@ def _near(one: Tracker, poses: Poses, u: Floats) -> Poses:
     mount = one.orientations(still, np.concatenate([u[:-6], np.zeros(6)])) if free else both
     frame = both @ np.swapaxes(mount, 1, 2)
     return replace(poses, R=np.swapaxes(frame, 1, 2) @ read @ np.swapaxes(mount, 1, 2))
+
+
+@pytest.mark.parametrize("rows", [[], [4], range(COUNT)], ids=["no row", "one row", "all rows"])
+@pytest.mark.parametrize("name", NAMES)
+def test_what_a_part_of_the_rows_gives_is_that_part_of_what_all_give(name: str, rows: list[int]) -> None:
+    whole, poses, u = instrument(name)
+    mine = np.array(rows, dtype=int)
+    # Known distances are given to rows before these are divided.
+    numbers = whole.read.numbers | ({"link": whole.link} if isinstance(whole, Socket) else {})
+    cut = {key: column[mine] for key, column in numbers.items()}
+    ids = {key: column[mine] for key, column in whole.read.ids.items()}
+    part = type(whole)(whole.table, Read(cut, ids, whole.read.component[mine], whole.read.known), whole.robot)
+    there = poses[mine]
+    assert part.unknowns == whole.unknowns
+    assert part.components == whole.components
+    assert part.declared == whole.declared
+    assert part.start(there).shape == u.shape
+    for of in ("measured", "read_components", "counted"):
+        assert getattr(part, of)().shape == (len(mine), len(whole.components)), of
+    for of in ("predicted", "residual_at", "by_pose", "by_joints", "by_unknown", "looked_at"):
+        np.testing.assert_allclose(getattr(part, of)(there, u), getattr(whole, of)(poses, u)[mine], atol=1e-12)
+    sigmas = whole.row_sigmas()
+    assert sigmas is None or part.row_sigmas().shape == (len(mine), sigmas.shape[1])

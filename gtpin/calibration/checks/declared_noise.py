@@ -85,9 +85,15 @@ def settled_or_explained(fit: RobustFit) -> FitState:
 def with_credible_noise(fit: RobustFit, settled: FitState) -> tuple[RobustFit, FitState]:
     """The fit and its result with credible noise: a declared sigma that is too large is estimated instead, with a warning.
 
+    One that repeated visits contradict was estimated in the fit already.
+
     Raises `DatasetError` if a sigma is more than ten times what the data show.
     """
     readings = fit.whole.measured
+    for one in _declared(readings):
+        if settled.noise.estimated[one.group]:
+            what = _text(readings, one, float(settled.noise.sigma[one.group]))
+            warn(f"{what}: the data's own is used; the declared value is wrong, or something changes between visits")
     suspects = [one for one in _declared(readings) if _overstated(settled, one)]
     if not suspects:
         return fit, settled

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
 from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.priors import Priors
-from gtpin.noise.estimate import LEAST_CONTRASTS, contrasts, likeliest, stops
+from gtpin.noise.estimate import LEAST_CONTRASTS, contrasts, likeliest, misfit, stops
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
 from gtpin.noise.weights import Tails, gross, robust_scale, square_norms, t_likelihood
 from gtpin.typing import Floats
@@ -145,13 +145,6 @@ def most_repeatability(noise: ReadingNoise, scatter: Floats, J: Floats, grid: Fl
     """The largest repeatability of a grid that the scatter (k, c) between visits allows."""
     costs = np.array([misfit(replace(noise, repeatability=float(value)), scatter, J) for value in grid])
     return float(grid[costs <= costs.min() + priors.disbelieved].max())
-
-
-def misfit(noise: ReadingNoise, scatter: Floats, J: Floats) -> float:
-    """Minus twice the log likelihood of the scatter (k, c) between visits, but for a constant."""
-    covariance = noise.covariance(J, scatter.shape[1])
-    solved = np.linalg.solve(covariance, scatter[..., None])[..., 0]
-    return float(np.linalg.slogdet(covariance)[1].sum() + (scatter * solved).sum())
 
 
 def _most_restless(noise: ReadingNoise, errors: Floats, design: Design, explained: float, priors: Priors) -> str | None:

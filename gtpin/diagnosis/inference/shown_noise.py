@@ -12,7 +12,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.diagnosis.hypotheses.hypothesis import Scope
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet
 from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference.reestimate_noise import left_over, misfit, most_repeatability, reestimate_noise
+from gtpin.diagnosis.inference.reestimate_noise import left_over, most_repeatability, reestimate_noise
 from gtpin.diagnosis.inference.search import rough_guess
 from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.linear.posterior import NOTHING
@@ -20,7 +20,7 @@ from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import Priors
 from gtpin.distributions import chi2, f
 from gtpin.errors import warn
-from gtpin.noise.estimate import LEAST_CONTRASTS, contrasts, from_repeats, stops, tamed
+from gtpin.noise.estimate import LEAST_CONTRASTS, contradicted, contrasts, from_repeats, stops, tamed, within_residuals
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats
 
@@ -136,7 +136,8 @@ class ShownNoise:
             base = replace(inferred, sigma=sigma, estimated=~known, repeatability=0.0, model_discrepancy=0.0)
         rows_open = np.unique(base.group[~np.isfinite(base.row_sigma)])
         assumed = bool((~known)[rows_open].any())
-        errors = design.coloured(left_over(hypotheses, guess)[0])
+        residual, effective_parameters = left_over(hypotheses, guess)
+        errors = design.coloured(residual)
         contrast, rows = contrasts(stops(design.measured.q, design.measured.read), errors)
         if len(contrast) < LEAST_CONTRASTS:
             return ShownNoise(base, base, "residuals" if assumed else "declared", len(contrast))
@@ -146,17 +147,16 @@ class ShownNoise:
         noise = replace(
             base, sigma=found.sigma, repeatability=found.repeatability, model_discrepancy=0.0, dof=found.dof
         )
+        errors *= np.sqrt(design.count / max(design.count - effective_parameters, 1.0))
+        noise = within_residuals(noise, errors, design.by_command_seen)
         shortened = tamed(contrast, found.group)
         unit = float(np.median(found.each) / max(np.sqrt((J**2).sum(axis=2)).mean(), 1e-12))
         grid = max(found.repeatability, unit) * np.linspace(0.0, 3.0, 61)
         most = replace(noise, repeatability=most_repeatability(found, shortened, J, grid, priors))
         unseen = bool((~known & ~shown)[rows_open].any())
         source: Source = "residuals" if unseen else "repeats" if assumed else "declared"
-        free = from_repeats(replace(base, estimated=shown).take(rows), contrast, J)
-        larger = bool((free.sigma > priors.excess * found.sigma)[known & shown].any())
-        gain = misfit(found, shortened, J) - misfit(free, shortened, J)
-        contradicted = larger and float(chi2.sf(gain, max(int((known & shown).sum()), 1))) <= priors.chance
-        return ShownNoise(noise, most, source, len(contrast), contradicted)
+        wrong = contradicted(found, contrast, J, priors.excess, priors.chance)
+        return ShownNoise(noise, most, source, len(contrast), bool(wrong.any()))
 
     def floor(self, design: Design) -> Floats:
         """(N, k) squares of what a perfect model would leave of the compared numbers: m^2; for readings, whitened."""
