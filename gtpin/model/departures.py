@@ -165,11 +165,10 @@ def _zeros(geometry: Geometry) -> list[tuple[str, str, Floats]]:
         carried, way = list(robot.rods_on(a)), np.zeros(len(geometry.parameters))
         axis = joint_axis(robot.model, actuator.joint_id)
         for j, p in enumerate(geometry.parameters):
-            if p.kind == "carrier_joint" and p.per == "rod" and p.owner in carried:
-                way[j] = rates[p.owner, p.component]
-            elif p.kind == "carrier_joint" and p.per == "actuator" and p.owner == a:
-                way[j] = rates[carried, p.component].mean()
-            elif p.kind == "placement" and p.owner == actuator.joint_id:
+            if p.kind in ("cart_joint", "arm_joint"):  # of one rod, or of all rods of the actuator, which then names it
+                own = carried if p.part == actuator.site else [i for i in carried if robot.rod(i).name == p.part]
+                way[j] = rates[own, p.component].mean() if own else 0.0
+            elif p.kind == "placement" and p.part == robot.model.names[actuator.joint_id]:
                 way[j] = axis[p.component]
         if way.any():
             found.append((f"zero[{actuator.site}]", "rad" if actuator.revolute else "m", way))
