@@ -21,16 +21,16 @@ import numpy as np
 from gtpin.bench.blind.judged import Named, Statement
 from gtpin.bench.blind.truth import Truth
 from gtpin.data import Dataset
+from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference.settle import readmit_outliers, settle
-from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.evidence import Groups
-from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, all_gains, tuned
-from gtpin.diagnosis.linear.scan import Scan
+from gtpin.diagnosis.evidence import Groups
+from gtpin.diagnosis.hypothesis import Hypothesis, Scope
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.posterior import NOTHING, Posterior, all_gains, tuned
 from gtpin.diagnosis.prepare import prepare
+from gtpin.diagnosis.propose import propose
+from gtpin.diagnosis.scan import Scan
+from gtpin.diagnosis.settle import readmit_outliers, settle
 from gtpin.effects.catalogue import catalogue, effects_by_id
 from gtpin.effects.displacement import Displacement
 from gtpin.model.measured_robot import measuring, robot_of

@@ -16,13 +16,13 @@ import pandas as pd
 
 import gtpin
 from gtpin.bench.blind.draw import drafts, made
-from gtpin.diagnosis.hypotheses.hypothesis import Scope
-from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference.findings import Conclusion
-from gtpin.diagnosis.inference.infer import infer
-from gtpin.diagnosis.inference.settle import SearchState, readmit_outliers, settle
+from gtpin.diagnosis.findings import Conclusion
+from gtpin.diagnosis.hypothesis import Scope
 from gtpin.diagnosis.prepare import prepare
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.propose import propose
+from gtpin.diagnosis.settle import SearchState, readmit_outliers, settle
+from gtpin.diagnosis.verdict import infer
 from gtpin.errors import GtpinError
 from gtpin.robot.library import load_robot
 

@@ -21,12 +21,12 @@ from scipy.stats import beta
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
 from gtpin.bench.simulator.recipe import SimulatedNoise
-from gtpin.diagnosis.against.alarm import DRAWS, chance, threshold
-from gtpin.diagnosis.against.check import changes
-from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.expectation import usable
+from gtpin.diagnosis.against import changes
+from gtpin.diagnosis.alarm import DRAWS, chance, threshold
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses.hypothesis import Scope
+from gtpin.diagnosis.earlier import Earlier
+from gtpin.diagnosis.expectation import usable
+from gtpin.diagnosis.hypothesis import Scope
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
 

@@ -14,20 +14,20 @@ import numpy as np
 from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset, by_region
-from gtpin.diagnosis.against.check import check
-from gtpin.diagnosis.hypotheses.hypothesis import Scope
-from gtpin.diagnosis.inference.findings import considered
-from gtpin.diagnosis.inference.fit import fit
-from gtpin.diagnosis.inference.infer import infer
-from gtpin.diagnosis.inference.settle import MOST_POSES, readmit_outliers, settle
-from gtpin.diagnosis.inference.shown_noise import understated_noise, warn_of_noise
-from gtpin.diagnosis.inference.where import where
-from gtpin.diagnosis.linear.cross_validation import HoldOut, check_hold_out
-from gtpin.diagnosis.planning.next_experiment import classes, plan
-from gtpin.diagnosis.planning.trials import Known
+from gtpin.diagnosis.against import check
+from gtpin.diagnosis.findings import considered
+from gtpin.diagnosis.fit import fit
+from gtpin.diagnosis.gap import HoldOut, check_hold_out
+from gtpin.diagnosis.hypothesis import Scope
+from gtpin.diagnosis.next_experiment import classes, plan
 from gtpin.diagnosis.prepare import Prepared, prepare
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
+from gtpin.diagnosis.settle import MOST_POSES, readmit_outliers, settle
+from gtpin.diagnosis.shown_noise import understated_noise, warn_of_noise
+from gtpin.diagnosis.trials import Known
+from gtpin.diagnosis.verdict import infer
+from gtpin.diagnosis.where import where
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.driver import InstrumentAxes, driver_effects
 from gtpin.effects.effect import Effect

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
-from gtpin.diagnosis.inference.findings import (
+from gtpin.diagnosis.experiment import Experiment
+from gtpin.diagnosis.findings import (
     Cause,
     Considered,
     Doubt,
@@ -18,10 +19,9 @@ from gtpin.diagnosis.inference.findings import (
     Unexplained,
     Verdict,
 )
-from gtpin.diagnosis.inference.shown_noise import Source
-from gtpin.diagnosis.inference.where import Where
-from gtpin.diagnosis.linear.cross_validation import Gap
-from gtpin.diagnosis.planning.experiment import Experiment
+from gtpin.diagnosis.gap import Gap
+from gtpin.diagnosis.shown_noise import Source
+from gtpin.diagnosis.where import Where
 from gtpin.effects.catalogue import catalogue, effect_of
 from gtpin.effects.effect import Effect
 from gtpin.model.fit_conditions import ModelDiscrepancy as LeftBefore

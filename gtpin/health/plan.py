@@ -10,14 +10,14 @@ import numpy as np
 
 from gtpin.accuracy.planning import plan_poses
 from gtpin.data import Commands
-from gtpin.diagnosis.against.alarm import DRAWS, GainSampler, smallest_changes, threshold
-from gtpin.diagnosis.against.check import POWER, changes
-from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.expectation import FEWEST, noise_of_fit
+from gtpin.diagnosis.against import POWER, changes
+from gtpin.diagnosis.alarm import DRAWS, GainSampler, smallest_changes, threshold
+from gtpin.diagnosis.design import Design, Observed
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
-from gtpin.diagnosis.inference.findings import Smallest
-from gtpin.diagnosis.linear.design import Design, Observed
+from gtpin.diagnosis.earlier import Earlier
+from gtpin.diagnosis.expectation import FEWEST, noise_of_fit
+from gtpin.diagnosis.findings import Smallest
+from gtpin.diagnosis.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
 from gtpin.errors import ModelError, check_kind

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 from rich.console import Console, Group, RenderableType
 
-from gtpin.diagnosis.inference.findings import Cause
+from gtpin.diagnosis.findings import Cause
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.errors import GtpinError
 from gtpin.model.model import Model

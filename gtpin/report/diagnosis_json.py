@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from gtpin.diagnosis.inference.findings import Cause, Member
-from gtpin.diagnosis.linear.cross_validation import ASKED, TOGETHER, Gap
+from gtpin.diagnosis.findings import Cause, Member
+from gtpin.diagnosis.gap import ASKED, TOGETHER, Gap
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.effects.sites import joints
 from gtpin.report.phrases import reason_words

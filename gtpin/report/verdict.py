@@ -8,9 +8,9 @@ from operator import attrgetter
 
 import numpy as np
 
-from gtpin.diagnosis.inference.findings import Cause, Considered, Correlate
-from gtpin.diagnosis.linear.cross_validation import Gap, InstrumentGap
-from gtpin.diagnosis.planning.measurement_conditions import kind
+from gtpin.diagnosis.findings import Cause, Considered, Correlate
+from gtpin.diagnosis.gap import Gap, InstrumentGap
+from gtpin.diagnosis.measurement_conditions import kind
 from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.calibration_text import overruled, scatters

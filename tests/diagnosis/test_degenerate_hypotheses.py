@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 import gtpin
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope, SmoothTerm
-from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, causes, scales
-from gtpin.diagnosis.hypotheses.lines import settled
-from gtpin.diagnosis.inference.classes import contenders
-from gtpin.diagnosis.inference.search import search
-from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis.classes import contenders
+from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.hypothesis import Hypothesis, Scope, SmoothTerm
+from gtpin.diagnosis.hypothesis_set import Explanation, HypothesisSet, causes, scales
+from gtpin.diagnosis.lines import settled
+from gtpin.diagnosis.posterior import NOTHING
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.search import search
 from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import Effect
 from gtpin.effects.operating_points import OperatingPoints

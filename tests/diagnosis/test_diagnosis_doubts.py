@@ -12,16 +12,16 @@ from linear_problems import every_effect
 import gtpin
 from gtpin.bench.simulator import make_case, simulate
 from gtpin.data import Dataset
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference import fit, predictive
-from gtpin.diagnosis.inference.findings import Conclusion, Contender
-from gtpin.diagnosis.inference.infer import decide
-from gtpin.diagnosis.linear.cross_validation import leave_out
-from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis import fit, predictive
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.findings import Conclusion, Contender
+from gtpin.diagnosis.gap import leave_out
+from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.posterior import NOTHING
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.propose import propose
 from gtpin.diagnosis.result import Diagnosis
+from gtpin.diagnosis.verdict import decide
 from gtpin.errors import ConvergenceError
 from gtpin.output.shown import present
 from gtpin.report.verdict import verdict

@@ -7,8 +7,8 @@ import pytest
 from linear_problems import Dense
 from numpy.testing import assert_allclose
 
-from gtpin.diagnosis.linear.evidence import SCALES, Groups, Marginal, best_scales
-from gtpin.diagnosis.linear.posterior import (
+from gtpin.diagnosis.evidence import SCALES, Groups, Marginal, best_scales
+from gtpin.diagnosis.posterior import (
     NOTHING,
     _rescaled,
     all_gains,

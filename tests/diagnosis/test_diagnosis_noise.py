@@ -8,10 +8,10 @@ from linear_problems import calibrated, every_effect
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.inference.reestimate_noise import left_over, reestimate_noise
-from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.posterior import NOTHING, fixed
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.noise import left_over, reestimate_noise
+from gtpin.diagnosis.posterior import NOTHING, fixed
 from gtpin.effects.displacement import Displacement
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.rotations import exp

@@ -10,9 +10,9 @@ from diagnosed import LARGE, classes, machine, quietly, said
 import gtpin
 from gtpin.bench.blind.draw import Draft, drafts, made
 from gtpin.bench.simulator import make_case
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference.findings import Conclusion, Contender
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis.findings import Conclusion, Contender
+from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.posterior import NOTHING
 from gtpin.effects.catalogue import effects_by_id
 
 pytestmark = pytest.mark.slow

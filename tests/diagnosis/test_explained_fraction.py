@@ -7,8 +7,8 @@ import pytest
 from linear_problems import bare_design
 from numpy.testing import assert_allclose
 
-from gtpin.diagnosis.linear.cross_validation import Gap, gap, leave_out
-from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.gap import Gap, gap, leave_out
 
 pytestmark = pytest.mark.slow
 

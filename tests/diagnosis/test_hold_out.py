@@ -10,10 +10,10 @@ from linear_problems import bare_design
 from numpy.testing import assert_allclose
 
 import gtpin
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference.predictive import as_unseen
-from gtpin.diagnosis.linear.cross_validation import STRETCHES, Gap, blocks_of, gap
-from gtpin.diagnosis.linear.design import Observed
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.gap import STRETCHES, Gap, blocks_of, gap
+from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.predictive import as_unseen
 from gtpin.effects.catalogue import effects_by_id
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]

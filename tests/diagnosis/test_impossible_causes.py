@@ -8,15 +8,15 @@ from diagnosed import machine, quietly
 from linear_problems import every_effect
 
 import gtpin
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference.findings import Conclusion, Contender, Question
-from gtpin.diagnosis.inference.fit import without_impossible
-from gtpin.diagnosis.inference.infer import decide
-from gtpin.diagnosis.inference.search import rough_guess
-from gtpin.diagnosis.linear.design import Design, Observed
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis.design import Design, Observed
+from gtpin.diagnosis.findings import Conclusion, Contender, Question
+from gtpin.diagnosis.fit import without_impossible
+from gtpin.diagnosis.hypothesis import Hypothesis, Scope
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.posterior import NOTHING
+from gtpin.diagnosis.propose import propose
+from gtpin.diagnosis.search import rough_guess
+from gtpin.diagnosis.verdict import decide
 
 
 @pytest.fixture(scope="module")

@@ -13,18 +13,18 @@ from scipy.stats import multivariate_normal
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
 from gtpin.data import Commands, Dataset
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.hypothesis_set import Untested
-from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
-from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.evidence import Groups, Marginal
-from gtpin.diagnosis.linear.posterior import NOTHING, gain
-from gtpin.diagnosis.planning.discrimination import concerns
-from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, expected_gain, most_telling
-from gtpin.diagnosis.planning.measurement_conditions import with_nights
-from gtpin.diagnosis.planning.next_experiment import CauseClass, Experiment, map_unknown, plan
-from gtpin.diagnosis.planning.trials import Known, possible
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.discrimination import concerns
+from gtpin.diagnosis.evidence import Groups, Marginal
+from gtpin.diagnosis.expected_bayes_factor import Prediction, expected_gain, most_telling
+from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.hypothesis_set import Untested
+from gtpin.diagnosis.measurement_conditions import with_nights
+from gtpin.diagnosis.next_experiment import CauseClass, Experiment, map_unknown, plan
+from gtpin.diagnosis.posterior import NOTHING, gain
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.smooth_terms import smooth_terms
+from gtpin.diagnosis.trials import Known, possible
 from gtpin.effects.drive_errors import Linearity
 from gtpin.effects.untestable import Untestable
 from gtpin.instruments.readings import Readings

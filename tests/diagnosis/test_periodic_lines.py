@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.bench.simulator import simulate
-from gtpin.diagnosis.inference import settle
-from gtpin.diagnosis.inference.infer import FittedLines
-from gtpin.diagnosis.inference.search import rough_guess
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis import settle
+from gtpin.diagnosis.posterior import NOTHING
+from gtpin.diagnosis.search import rough_guess
+from gtpin.diagnosis.verdict import FittedLines
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.data import Dataset
-from gtpin.diagnosis.inference import settle as settling
-from gtpin.diagnosis.inference.joint_fit import fit_together
-from gtpin.diagnosis.inference.settle import SearchState, settle
+from gtpin.diagnosis import settle as settling
+from gtpin.diagnosis.joint_fit import fit_together
 from gtpin.diagnosis.prepare import Prepared, prepare
+from gtpin.diagnosis.settle import SearchState, settle
 from gtpin.report.residuals import Residuals
 
 pytestmark = pytest.mark.slow

@@ -8,17 +8,17 @@ from linear_problems import calibrated, every_effect, hypothesis
 from scipy.special import softmax
 from scipy.stats import multivariate_normal
 
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
-from gtpin.diagnosis.inference.classes import ranked
-from gtpin.diagnosis.inference.findings import Cause, Conclusion, Contender
-from gtpin.diagnosis.linear.posterior import NOTHING
-from gtpin.diagnosis.planning.discrimination import discriminate
-from gtpin.diagnosis.planning.expected_bayes_factor import DRAWN, PROMISED, Prediction, Rivals
-from gtpin.diagnosis.planning.measurement_conditions import SESSIONS, next_sessions
-from gtpin.diagnosis.planning.next_experiment import classes
-from gtpin.diagnosis.planning.trials import Known
+from gtpin.diagnosis.classes import ranked
+from gtpin.diagnosis.discrimination import discriminate
+from gtpin.diagnosis.expected_bayes_factor import DRAWN, PROMISED, Prediction, Rivals
+from gtpin.diagnosis.findings import Cause, Conclusion, Contender
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.measurement_conditions import SESSIONS, next_sessions
+from gtpin.diagnosis.next_experiment import classes
+from gtpin.diagnosis.posterior import NOTHING
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.smooth_terms import smooth_terms
+from gtpin.diagnosis.trials import Known
 
 ROWS = np.arange(4)
 

@@ -11,14 +11,14 @@ from linear_problems import every_effect
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
-from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference.reestimate_noise import left_over
-from gtpin.diagnosis.inference.settle import readmit_outliers
-from gtpin.diagnosis.inference.suspicious_data import two_groups, two_values
-from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.doubts import two_groups, two_values
+from gtpin.diagnosis.noise import left_over
+from gtpin.diagnosis.posterior import NOTHING
 from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.propose import propose
+from gtpin.diagnosis.settle import readmit_outliers
 from gtpin.errors import GtpinWarning
 from gtpin.report.verdict import verdict
 

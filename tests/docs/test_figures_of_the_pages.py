@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from gtpin.diagnosis import priors
+from gtpin.diagnosis import discrimination as splitting
+from gtpin.diagnosis import evidence, fit, lines, priors, scan, search, settle
+from gtpin.diagnosis import gap as cross_validation
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses import lines
-from gtpin.diagnosis.inference import fit, search, settle
-from gtpin.diagnosis.linear import cross_validation, evidence, scan
-from gtpin.diagnosis.planning import discrimination as splitting
-from gtpin.diagnosis.planning.expected_bayes_factor import DRAWN, PROMISED
-from gtpin.diagnosis.planning.measurement_conditions import SESSIONS
+from gtpin.diagnosis.expected_bayes_factor import DRAWN, PROMISED
+from gtpin.diagnosis.measurement_conditions import SESSIONS
 from gtpin.effects.rack import LEAST_TURNS
 from gtpin.effects.smooth import SLOWEST_LINE
 from gtpin.report import residual_plots

@@ -12,13 +12,13 @@ import gtpin
 from gtpin.bench.blind.draw import drafts, measured
 from gtpin.bench.simulator import simulate_measured
 from gtpin.data import Dataset
-from gtpin.diagnosis.hypotheses.hypothesis import Scope
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.inference.reestimate_noise import left_over, reestimate_noise
-from gtpin.diagnosis.inference.settle import readmit_outliers
-from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.hypothesis import Scope
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
+from gtpin.diagnosis.noise import left_over, reestimate_noise
+from gtpin.diagnosis.posterior import NOTHING
 from gtpin.diagnosis.prepare import prepare
+from gtpin.diagnosis.settle import readmit_outliers
 from gtpin.effects.catalogue import catalogue
 from gtpin.model.measured_robot import robot_of
 

@@ -1,0 +1,325 @@
+"""Cross-validation: the gap on poses that were not fitted, blocks being left out in turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.calibration.left_out import LeftOutBlock
+from gtpin.data import Dataset, by_region, random
+from gtpin.diagnosis.design import Design
+from gtpin.errors import DatasetError, ModelError, renamed
+from gtpin.typing import Floats, Mask
+
+DRAWS = 400
+"""Number of random draws from which an interval is computed."""
+ASKED = 120
+"""Number of other poses of the explained fraction's interval. Assumed: a user wants to predict this many."""
+
+
+@dataclass(frozen=True)
+class Turns:
+    """Root mean square orientation errors on left-out poses, rad: before and after causes were added, and the noise floor."""
+
+    before: float
+    after: float
+    floor: float
+
+
+@dataclass(frozen=True)
+class InstrumentGap:
+    """Root mean square errors of an instrument's left-out readings, in ``unit``: without causes, with causes, and noise floor.
+
+    ``name`` and ``kind``: of the instrument. ``inferred``: the noise that the search for causes assumed.
+    """
+
+    name: str
+    kind: str
+    before: float
+    after: float
+    floor: float
+    unit: str
+    inferred: float = np.nan
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Position errors on left-out poses before and after causes were added.
+
+    For readings of several instruments, errors are in units of the noise; ``by_instrument`` has them in each instrument's unit.
+
+    - ``before``, ``after``: root mean square length of the position error, m: with the geometry alone, and with the causes.
+    - ``floor``: noise floor, m: what a perfect model would leave by the noise that was declared or that repeated visits
+      show; by the inferred one where neither exists.
+    - ``explained_fraction``: 1 - (after^2 - floor^2) / (before^2 - floor^2); None where there are no causes.
+    - ``interval``: 95 % interval of it that other poses of the same kind would show, or, with ``hold_out``
+      ``session``, another session.
+    - ``hold_out``, ``blocks``: which poses were left out together, and the number of these blocks.
+    - ``sessions``: number of sessions in the data; 1 where no column tells them apart.
+    - ``turns``: errors of the orientation; None where it was not measured.
+    """
+
+    before: float
+    after: float
+    floor: float
+    explained_fraction: float | None
+    interval: tuple[float, float] | None
+    hold_out: HoldOut = "region"
+    blocks: int = 0
+    sessions: int = 1
+    turns: Turns | None = None
+    by_instrument: tuple[InstrumentGap, ...] = ()
+    inferred: float = np.nan
+    """The same by the noise that the search for causes assumed, m: it is estimated from residuals, where no cause is found."""
+    shrinkage = renamed("shrinkage", "explained_fraction")
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A linear model fitted to all poses, and the errors of its predictions of left-out blocks.
+
+    - ``errors``: (N, 3) measured less predicted position, m, each block predicted from the others; for readings (N, c), in
+      units of the noise.
+    - ``turned``: (N, 3) measured less predicted orientation, rad, likewise; (N, 0) where it was not measured.
+    - ``noise``: (N,) estimate of the squared length of each pose's position noise from the fit, m^2.
+    - ``kept``: (N, 3), for readings (N, c): share of each number that the other blocks determine, 1 or less.
+    - ``z``, ``root``: (k,) fitted coefficients in units of their priors' sigmas, and (k, k) a root of their covariance root
+      @ root'.
+    - ``columns``: (N, 3, k) derivative of the positions by ``z``, m, in a fit without the pose's block.
+    """
+
+    errors: Floats
+    turned: Floats
+    noise: Floats
+    kept: Floats
+    z: Floats
+    root: Floats
+    columns: Floats
+
+
+def leave_out(design: Design, causes: Floats, blocks: list[Mask], unseen: Floats | None = None) -> LeftOut:
+    """Fit geometry and causes, and predict each block from the others.
+
+    ``causes``: (N c, m) whitened displacements of the causes, for coefficients of one prior sigma; m may be 0. ``blocks``:
+    (N,) masks of the poses left out together, a partition. ``unseen``: (N c, m) the displacements in a fit without the
+    pose's block, where these are different.
+    """
+    c = design.components
+    J, prior = design.beside(causes)
+    root = np.linalg.inv(np.linalg.cholesky(J.T @ J + np.diag(prior))).T
+    z = root @ (root.T @ (J.T @ design.y))
+    residual, half = design.y - J @ z, J @ root
+    apart = np.zeros_like(J) if unseen is None else np.hstack([design.B, unseen]) - J
+    out, inside, kept = np.empty_like(residual), np.empty_like(residual), np.empty_like(residual)
+    for block in blocks:
+        rows = np.flatnonzero(np.repeat(block, c))
+        of = LeftOutBlock.of(half[rows], residual[rows])
+        out[rows], kept[rows] = of.errors, of.kept
+        inside[rows] = residual[rows] * out[rows]
+        if unseen is not None:
+            out[rows] -= apart[rows] @ (z - root @ (half[rows].T @ out[rows]))
+    colour, some, counted = design.units, design.compared, design.counted
+    errors = np.einsum("nij,nj->ni", colour, out.reshape(-1, c)) * counted
+    # The mean of the product of the fit's residual and the left-out residual is the noise's variance, whatever the leverage.
+    size = np.einsum("nij,nj->n", colour[:, some] ** 2, inside.reshape(-1, c) * counted)
+    columns = (
+        np.einsum("nij,njk->nik", colour, (J if unseen is None else J + apart).reshape(-1, c, J.shape[1]))[:, some]
+        * counted[:, some, None]
+    )
+    whole = (kept.reshape(-1, c) * counted)[:, some]
+    return LeftOut(errors[:, some], errors[:, some.stop :], size, whole, z, root, columns)
+
+
+def gap(
+    design: Design,
+    causes: Floats,
+    floor: Floats,
+    blocks: list[Mask],
+    rng: np.random.Generator,
+    unseen: Floats | None = None,
+    of_blocks: bool = False,
+    inferred: Floats | None = None,
+) -> Gap:
+    """Compare a geometry alone with geometry and causes on poses that were left out.
+
+    ``design``: the linear problem, without the causes. ``causes``: (N c, m) whitened displacements of the causes, for
+    coefficients of one prior sigma; m may be 0. ``floor``: (N, k) expected square of the noise of each compared number, m^2;
+    for readings whitened. ``blocks``: (N,) masks of the poses left out together, a partition.
+    ``unseen``: as for :func:`leave_out`. ``of_blocks``: True: the interval is for another block, from the differences
+    between blocks. False: it is for other poses. ``inferred``: as ``floor``, by the noise that the search assumed; None:
+    the same.
+    """
+    alone = leave_out(design, np.zeros((len(design.y), 0)), blocks)
+    b2 = (alone.errors**2).sum(axis=1)
+    of_numbers = (floor, floor if inferred is None else inferred)
+    floor, inferred = ((some * alone.kept).sum(axis=1) for some in of_numbers)
+    assumed = _root(np.minimum(inferred.mean(), b2.mean()))
+    if not causes.shape[1]:
+        turns = _turns(design, alone, alone)
+        of = instrument_gaps(design, alone, alone, *of_numbers)
+        least = _root(np.minimum(floor.mean(), b2.mean()))
+        return Gap(_root(b2), _root(b2), least, None, None, turns=turns, by_instrument=of, inferred=assumed)
+    whole = leave_out(design, causes, blocks, unseen)
+    a2 = (whole.errors**2).sum(axis=1)
+    # The noise of these poses as the fit shows it, but at most two standard deviations of chance above the known noise.
+    least = min(float(whole.noise.mean()), float(floor.mean()) * (1.0 + 2.0 * np.sqrt(2.0 / alone.kept.sum())))
+    explained_fraction = _share(float(b2.mean()), float(a2.mean()), least)
+    drawn = _draws(alone, whole, max(float(a2.mean()) - least, 0.0), a2, rng)
+    low, high = (float(value) for value in np.percentile(drawn, (2.5, 97.5)))
+    if of_blocks:
+        reach = _reach(np.array([[b2[block].mean(), a2[block].mean()] for block in blocks]) - least, explained_fraction)
+        low, high = min(low, max(explained_fraction - reach, -1.0)), max(high, min(explained_fraction + reach, 1.0))
+    interval = (min(low, explained_fraction), max(high, explained_fraction))
+    turns, of = _turns(design, alone, whole), instrument_gaps(design, alone, whole, *of_numbers)
+    floor_ = float(np.sqrt(least))
+    return Gap(
+        _root(b2), _root(a2), floor_, explained_fraction, interval, turns=turns, by_instrument=of, inferred=assumed
+    )
+
+
+def instrument_gaps(
+    design: Design, alone: LeftOut, whole: LeftOut, floor: Floats, inferred: Floats
+) -> tuple[InstrumentGap, ...]:
+    """Errors of each instrument's left-out readings; none for a lone tracker. ``floor``, ``inferred``: as for `gap`."""
+    readings = design.measured
+    if not readings.rows.names:
+        return ()
+    colour = np.linalg.inv(design.whitening)
+    before, after = (np.einsum("nij,nj->ni", colour, part.errors) for part in (alone, whole))
+    size = (colour**2).sum(axis=2) * alone.kept
+    noise, assumed = (np.sqrt(size * some) for some in (floor, inferred))
+    found = []
+    for i, one in enumerate(readings.instruments):
+        mine = readings.rows.of == i
+        if not mine.any():
+            continue
+        b, a, n, m = (readings.rms(i, part) for part in (before, after, noise, assumed))
+        unit = next(c.unit for c in one.components if c.shown)
+        found.append(InstrumentGap(one.name, one.kind, b, a, min(n, b), unit, min(m, b)))
+    return tuple(found)
+
+
+def _turns(design: Design, alone: LeftOut, whole: LeftOut) -> Turns | None:
+    if not alone.turned.size:
+        return None
+    before, after = (float(np.sqrt((part.turned**2).sum(axis=1).mean())) for part in (alone, whole))
+    colour = design.units[:, 3:]
+    floor = float(np.sqrt((colour**2).sum(axis=(1, 2)).mean()))
+    return Turns(before, after, min(floor, before))
+
+
+def _reach(powers: Floats, explained_fraction: float) -> float:
+    """Half width of the 95 % interval of another block's explained fraction, from the differences of K blocks.
+
+    The explained fraction f is a ratio of means, 1 - mean(after) / mean(before), and block k departs from it by
+    e_k = (before_k - after_k - f before_k) / mean(before) (Cochran, Sampling Techniques, 3rd ed., section 6.3). Another
+    block's departure is Student's t with K - 1 degrees of freedom, times the e_k's scatter, times sqrt(1 + 1 / K).
+
+    ``powers``: (K, 2) each block's mean square error before and after, less the floor, m^2.
+    """
+    from scipy.stats import t
+
+    before, after = powers.T
+    departure = (before - after - explained_fraction * before) / max(float(before.mean()), 1e-300)
+    free = len(powers) - 1
+    scatter = float(np.sqrt((departure**2).sum() / free))
+    return float(t.ppf(0.975, free)) * scatter * float(np.sqrt(1.0 + 1.0 / len(powers)))
+
+
+def _draws(alone: LeftOut, whole: LeftOut, error: float, squares: Floats, rng: np.random.Generator) -> Floats:
+    """Random draws (DRAWS,) of the explained fraction on other poses, given the covariance of what was fitted.
+
+    ``error``: mean squared length of the prediction error on left-out poses without noise, m^2. ``squares``: (N,) squared
+    errors of the poses left out, m^2.
+    """
+    count = len(squares)
+    unit = rng.standard_normal((len(whole.z), DRAWS))
+    off = np.einsum("nik,kd->nid", whole.columns, whole.root @ unit, optimize=True)
+    expected = float(((whole.columns @ whole.root) ** 2).sum() / count)
+    # The rest is what the causes' equations do not describe. Only the left-out poses measure it.
+    lacking = max(error - expected, 0.0)
+    spread = float(np.sqrt(2.0 / count)) * float(squares.mean())
+    predicted = np.einsum("nik,k->ni", whole.columns, whole.z)
+    predicted -= np.einsum("nik,k->ni", alone.columns, alone.z)
+    shares = np.empty(DRAWS)
+    for d in range(DRAWS):
+        rows = rng.integers(0, count, ASKED)
+        more = max(lacking + spread * float(rng.standard_normal()), 0.0)
+        after = float((off[rows, :, d] ** 2).sum(axis=1).mean()) + more
+        before = float(((off[rows, :, d] + predicted[rows]) ** 2).sum(axis=1).mean()) + more
+        shares[d] = _share(before, after, 0.0)
+    return shares
+
+
+def _root(squares: Floats | float) -> float:
+    return float(np.sqrt(np.mean(squares)))
+
+
+def _share(before: float, after: float, floor: float) -> float:
+    """Explained fraction of the power beyond the floor; noise can make it less than 0."""
+    power = max(before - floor, 1e-300)
+    return float(np.clip(1.0 - (after - floor) / power, -1.0, 1.0))
+
+
+HoldOut = Literal["region", "session", "time", "random"]
+
+TOGETHER = 4
+"""Number of poses that are left out together, neighbours or drawn at random."""
+STRETCHES = 10
+"""Number of intervals of time that are left out in turn."""
+
+
+def check_hold_out(dataset: Dataset, hold_out: str) -> None:
+    """Check that a dataset can be split in this way.
+
+    Raises `ModelError` if there is no such way to split. `DatasetError` if the column is missing, or has one value only.
+    """
+    if hold_out not in get_args(HoldOut):
+        raise ModelError(f"no hold-out is called {hold_out!r}", hint=f"use {', '.join(get_args(HoldOut))}")
+    if hold_out not in ("session", "time"):
+        return
+    hint = "hold out by region"
+    if hold_out in dataset.unusable:
+        raise DatasetError(f"the column can't be used to hold out by {hold_out}", column=hold_out, hint=hint)
+    if hold_out not in dataset.covariates:
+        raise DatasetError(f"there is no {hold_out} to hold out by", file=dataset.file, column=hold_out, hint=hint)
+    if len(set(dataset.covariates[hold_out])) < 2:
+        raise DatasetError(f"one {hold_out} only: it can't be held out", file=dataset.file, column=hold_out, hint=hint)
+
+
+def blocks_of(dataset: Dataset, hold_out: HoldOut, rng: np.random.Generator) -> list[Mask]:
+    """(N,) masks of the rows that are left out together, a partition.
+
+    With ``region`` and ``random``, visits to one pose are in one block. With ``session`` and ``time`` they need not be: these
+    blocks are to show how well another session or time is predicted.
+
+    Raises `DatasetError` if the dataset can't be split in this way.
+    """
+    check_hold_out(dataset, hold_out)
+    if hold_out == "session":
+        return _by_value(np.asarray(dataset.covariates["session"]).astype(str))
+    if hold_out == "time":
+        return _by_value(_stretch(np.asarray(dataset.covariates["time"], dtype=float)))
+    groups = max(2, (int(dataset.visits.max()) + 1) // TOGETHER)
+    if hold_out == "random":
+        return random(dataset, groups, int(rng.integers(2**32)))
+    return by_region(dataset, groups)
+
+
+def n_sessions(dataset: Dataset) -> int:
+    """Number of different names in the column ``session``; 1 without this column."""
+    return len(set(dataset.covariates["session"])) if "session" in dataset.covariates else 1
+
+
+def _stretch(time: npt.NDArray[np.float64]) -> npt.NDArray[np.int_]:
+    """(N,) index of each row's interval of time. Intervals have about equally many rows; rows of one instant stay together."""
+    _, instant, count = np.unique(time, return_inverse=True, return_counts=True)
+    earlier = np.cumsum(count) - count
+    return np.asarray((earlier * STRETCHES // len(time))[instant])
+
+
+def _by_value(values: npt.NDArray[np.generic]) -> list[Mask]:
+    return [values == value for value in np.unique(values)]

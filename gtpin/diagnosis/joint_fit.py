@@ -1,0 +1,204 @@
+"""Geometry and causes fitted together with exact kinematics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gtpin.calibration.fit_state import unexplained_by
+from gtpin.calibration.gauss_newton import Fit, fit
+from gtpin.calibration.problem import Point, Problem
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.effects.active import ActiveEffect, with_effects
+from gtpin.effects.displacement import Displacement
+from gtpin.effects.operating_points import References
+from gtpin.errors import ConvergenceError
+from gtpin.instruments.readings import Readings
+from gtpin.kinematics.poses import Poses
+from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
+from gtpin.model.model import Model
+from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.typing import Floats
+
+LEFT_OUT = 0.1
+"""Largest predicted decrease of the cost, nats, at which the fit may end although no step lowers the cost.
+
+The prediction is not exact: the derivative leaves out that the effects depend on the geometry and move the robot. The cost is
+half a sum of squares in sigmas: were the prediction exact, the minimum would be at most sqrt(2 * 0.1) = 0.45 sigma away.
+Measured by finite differences where fits ended (tests/diagnosis/test_joint_minimum.py, and on a real arm): 0.02 nats were
+predicted, and 1e-4 to 2e-3 were possible. Largest known: 0.37 nats on a virtual arm with a large bending of a link and a large
+coupling, 0.9 sigma of one parameter of the target.
+"""
+
+
+def fit_together(
+    observed: Observed, start: Model, causes: Sequence[Hypothesis], scale: Sequence[float], references: References
+) -> Model:
+    """Fit geometry, instrument's pose and coefficients of causes, from a calibrated model.
+
+    ``causes``, ``scale``: the causes and their scales, which give the priors of their coefficients.
+
+    Raises `ConvergenceError` if the fit does not converge.
+    """
+    problem = JointProblem.of(observed, start, causes, scale, references)
+    deviation = start.geometry.deviation / start.geometry.tolerance
+    first = problem.calibration.first
+    x = np.concatenate([deviation, first[len(deviation) :], np.zeros(problem.size - len(first))])
+    try:
+        found = fit(problem, observed.weigh, x, left_out=LEFT_OUT, inexact=len(first))
+    except ConvergenceError as error:
+        raise ConvergenceError(
+            "geometry and causes have not settled together", hint="exclude the causes one by one"
+        ) from error
+    covariance, tolerance, p = found.covariance, start.geometry.tolerance, len(deviation)
+    joint = problem.joint_covariance(covariance) if causes else None
+    fitted, unexplained = start.fit, start.unexplained
+    if observed.measured.tracked:
+        dof = max(found.residual.size - found.effective_parameters, 1.0)
+        chi2 = float(found.weight @ (found.residual**2).sum(axis=1))
+        unexplained = _unexplained(problem, found, observed.noise)
+        fitted = FitConditions.of(observed.noise, chi2, dof, observed.covariates, unexplained)
+    return replace(
+        found.point.model,
+        effects=problem.active(found.point.x, covariance),
+        covariance=covariance[:p, :p] * np.outer(tolerance, tolerance),
+        instruments=problem.calibration.readings(found.point.x).fitted,
+        joint_covariance=joint,
+        fit=fitted,
+        unexplained=unexplained,
+    )
+
+
+def _unexplained(problem: JointProblem, found: Fit[JointProblem], noise: ReadingNoise) -> ModelDiscrepancy:
+    """What geometry and causes leave unexplained between poses."""
+    colour = np.linalg.inv(problem.calibration.whitening)
+    errors = np.einsum("nij,nj->ni", colour, found.residual)
+    variance = (colour**2).sum(axis=2)
+    return unexplained_by(found, errors, variance, known=noise.source != "residuals", dof=noise.dof)
+
+
+@dataclass(frozen=True)
+class JointProblem:
+    """The fitted problem: x has the unknowns of a calibration, then the causes' coefficients in units of their priors' sigmas.
+
+    - ``calibration``: the problem without causes.
+    - ``observed``: the poses, with the covariates on which the causes depend.
+    - ``causes``, ``sizes``: the causes, and for each the (m,) prior standard deviations of its coefficients.
+    - ``references``: reference values of the causes' covariates.
+    """
+
+    calibration: Problem
+    observed: Observed
+    causes: Sequence[Hypothesis]
+    sizes: Sequence[Floats]
+    references: References
+
+    @staticmethod
+    def of(
+        observed: Observed, start: Model, causes: Sequence[Hypothesis], scale: Sequence[float], references: References
+    ) -> JointProblem:
+        """The problem about the nominal geometry; the noise of the drives is computed at ``start``."""
+        geometry = start.geometry
+        nominal = replace(start, geometry=geometry.with_values(geometry.values - geometry.deviation), effects=())
+        at = observed.operating_points(start, references)
+        one = observed.take(slice(0, 1)).operating_points(start, references, at.poses[:1])
+        sizes = [cause.basis(one).sigma * s for cause, s in zip(causes, scale, strict=True)]
+        measured = observed.measured
+        J = measured.change_by(at.command_jacobian, start, at.poses)
+        whitening = observed.noise.whitening(J, measured.components)
+        plain = Problem(nominal, measured, whitening, observed.free_frame)
+        return JointProblem(plain, observed, causes, sizes, references)
+
+    @property
+    def measured(self) -> Readings:
+        """The readings."""
+        return self.calibration.measured
+
+    @property
+    def size(self) -> int:
+        """Length of x."""
+        return self.calibration.size + sum(map(len, self.sizes))
+
+    @property
+    def prior(self) -> Floats:
+        """(size,) weight of the square of each x in the cost: 1 for a coefficient."""
+        return np.concatenate([self.calibration.prior, *map(np.ones_like, self.sizes)])
+
+    def point(self, x: Floats, near: Poses | None = None) -> Point:
+        """The model at x without effects, and its poses; NaN where a pose can't be reached. ``near``: poses to start from."""
+        return self.calibration.point(x, near)
+
+    def residual(self, point: Point) -> Floats:
+        """(N, c) whitened measured less predicted, with the effects in the closures."""
+        return self.calibration.residual_at(point, self._displaced(point, slice(None)))
+
+    def chunks(self) -> list[slice]:
+        """Slices of rows that fit in memory with their derivatives."""
+        return self.calibration.chunks()
+
+    def jacobian(self, point: Point, rows: slice, weight: Floats | None = None) -> Floats:
+        """(M, c, size) derivative of the whitened prediction by x, for some rows.
+
+        The derivative by the calibration's unknowns is taken at the poses with the effects, because a sensor whose mounting is
+        hardly known turns far in one step. It is also taken at the commands with the deviations of the travel, and so is the
+        derivative by the coefficients.
+        """
+        displaced = replace(point, poses=self._displaced(point, rows))
+        at = self.observed.take(rows).operating_points(point.model, self.references, point.poses[rows])
+        bases = [cause.basis(at) for cause in self.causes]
+        problem = self.calibration
+        q = self.observed.measured.q.copy()
+        q[rows] = self._travelled(at.q, bases, point.x)
+        problem = problem.at_commands(q)
+        at = replace(at, q=q[rows], poses=displaced.poses[rows])
+        moved = [basis.displacement(at) * size for basis, size in zip(bases, self.sizes, strict=True)]
+        columns = [problem.columns(point, J, rows, weight) for J in moved]
+        return np.concatenate([problem.jacobian(displaced, rows, weight), *columns], axis=2)
+
+    def _travelled(self, q: Floats, bases: Sequence[Displacement], x: Floats) -> Floats:
+        """(M, n) commands with the deviations of the travel by the causes, m or rad."""
+        moved, place = q.copy(), self.calibration.size
+        for basis, size in zip(bases, self.sizes, strict=True):
+            if basis.command is not None:
+                moved[:, basis.command[0]] += basis.command[1] @ (x[place : place + len(size)] * size)
+            place += len(size)
+        return moved
+
+    def _displaced(self, point: Point, rows: slice) -> Poses:
+        """The poses of an iterate, base frame, some rows of them with the effects."""
+        some, poses = self.observed.take(rows), point.poses
+        effects = self.active(point.x, np.zeros((self.size, self.size)))
+        moved = with_effects(point.model.kinematics, some.measured.q, some.covariates, effects, poses[rows])
+        found = poses.copy()
+        found.put(rows, moved)
+        return found
+
+    def joint_covariance(self, covariance: Floats) -> Floats:
+        """(p + m, p + m) covariance of the p geometric parameters and m coefficients, from the covariance of x (size, size)."""
+        tolerance, after = self.calibration.start.geometry.tolerance, self.calibration.size
+        kept = [*range(len(tolerance)), *range(after, self.size)]
+        sizes = np.concatenate([tolerance, *self.sizes])
+        return np.asarray(covariance[np.ix_(kept, kept)] * np.outer(sizes, sizes))
+
+    def active(self, x: Floats, covariance: Floats) -> tuple[ActiveEffect, ...]:
+        """The causes with their coefficients at x; ``covariance`` (size, size) is that of x."""
+        found, place = [], self.calibration.size
+        for cause, size in zip(self.causes, self.sizes, strict=True):
+            own = slice(place, place + len(size))
+            place = own.stop
+            spread = covariance[own, own] * np.outer(size, size)
+            found.append(
+                ActiveEffect(
+                    cause.effect,
+                    cause.site,
+                    cause.shape_parameter,
+                    x[own] * size,
+                    spread,
+                    self.references,
+                    cause.further,
+                )
+            )
+        return tuple(found)

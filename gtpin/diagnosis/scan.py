@@ -1,0 +1,292 @@
+"""Dense scans of an effect's nonlinear parameter: a period, a place."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.evidence import Groups, best_scales
+from gtpin.diagnosis.posterior import Posterior
+from gtpin.diagnosis.priors import PRIORS, Priors
+from gtpin.effects.effect import Effect
+from gtpin.typing import Floats
+
+BATCH = 64
+"""Number of values whose displacements are in memory at the same time."""
+LIKELY = 0.2
+"""All values are first compared by their cores alone; only values whose gain is at least this share of the largest are then
+computed with their modulation. Assumed: less than ``ALIKE``, as other maxima are compared, too; at their typical sizes
+modulations have at most 0.2 (periods) and 0.6 (steps) of the core's power."""
+KEPT = 12_000_000
+"""Most numbers in the displacements of all values that are kept between scans; and in their products with groups, likewise."""
+LEAST = -1e9
+"""Gain of a value that is left out, and of a scan in which all are."""
+REFINED, REFINEMENTS = 19, 4
+"""Number of values tried around the best of the scan, and number of repetitions, each on a grid of a third of the step."""
+COARSE = 0.7
+"""Standard deviation over step of a grid that is fine enough for it. Derived: sums over such a grid differ from integrals of a
+normal density by exp(-2 pi^2 0.7^2) = 6e-5, and the grid before it, of three times the step, left 4.3 standard deviations."""
+
+
+ALIKE = 0.3
+"""Smallest gain of another maximum, relative to the best value's, for which both are added together. Derived: a line
+explains up to 0.047 of another one's power where commands are spread evenly (the largest side lobe of a rectangular window);
+0.3 leaves room for uneven ones."""
+
+
+@dataclass(frozen=True)
+class BestValue:
+    """The best value of an effect at a site.
+
+    - ``value``, ``sigma``: the value, and its standard deviation.
+    - ``gain``: gain in log evidence.
+    - ``scale``: scale of the coefficients.
+    - ``others``: other maxima of the gain, each as (value, sigma, gain), with gains of at least ``ALIKE`` times the best
+      one.
+    """
+
+    value: float
+    sigma: float
+    gain: float
+    scale: float
+    others: tuple[tuple[float, float, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class _InnerProducts:
+    """Inner products of S values, c columns each, with the geometry marginalised.
+
+    ``halves``: (p, S c) their :meth:`Marginal.half`. ``grams``: (S, c, c) of each value with itself. ``moments``: (S, c)
+    with the residual.
+    """
+
+    halves: Floats
+    grams: Floats
+    moments: Floats
+
+
+class Scan:
+    """An effect at a site with all values that are tried, prepared once for all scans with different models.
+
+    Whitened displacements are (S, c, R): S values, c columns each. R is the number of measured numbers; where the effect moves
+    one actuator only, it is the number of poses, since the numbers of a pose are then in fixed proportions. The numbers of one
+    column are next to each other in memory, as products need them.
+    """
+
+    def __init__(self, design: Design, groups: Groups[Any], effect: Effect, site: str, priors: Priors = PRIORS) -> None:
+        """Prepare the inner products with the geometry marginalised; ``groups`` has the groups of all models."""
+        self.design, self.groups, self.marginal, self.priors = design, groups, groups.marginal, priors
+        self.effect, self.site = effect, site
+        self.values = np.array(effect.nonlinear_values(design.operating_points, site))
+        self._core = list(effect.core) or slice(None)
+        self._half_y = self.marginal.half(design.y[:, None])
+        moved = effect.basis(design.operating_points, site, float(self.values[0])).command
+        self._factor = None if moved is None else design.by_command[:, :, moved[0]]
+        self._size = None if self._factor is None else np.sqrt((self._factor**2).sum(axis=1))
+        self._seen_y, self._seen_geometry = self._seen(design.y[:, None]), self._seen(self.marginal.B)
+        self._with_groups: dict[Hashable, Floats] = {}
+        self._seen_groups: dict[Hashable, Floats] = {}
+        self._together: tuple[tuple[Hashable, ...], Floats, Floats] | None = None
+
+    def _displacements(self, values: Sequence[float] | Floats) -> Floats:
+        bases = self.effect.bases(self.design.operating_points, self.site, values)
+        if self._factor is None:
+            return np.stack([self.design.columns(basis).T for basis in bases])
+        return np.stack([basis.command[1].T * basis.sigma[:, None] for basis in bases if basis.command])
+
+    def _seen(self, Z: Floats) -> Floats:
+        """(R, m) form of columns Z (N c, m) in which inner products with displacements are computed."""
+        if self._factor is None:
+            return Z
+        return np.asarray(np.einsum("nc,ncm->nm", self._factor, Z.reshape(*self._factor.shape, -1), optimize=True))
+
+    def _products(self, displacements: Floats) -> _InnerProducts:
+        count, width, size = displacements.shape
+        flat = displacements.reshape(-1, size)
+        halves = self.marginal.lower_solve((flat @ self._seen_geometry).T)
+        sized = displacements if self._size is None else displacements * self._size
+        absorbed = halves.T.reshape(count, width, -1)
+        grams = sized @ sized.transpose(0, 2, 1) - absorbed @ absorbed.transpose(0, 2, 1)
+        moments = flat @ self._seen_y - halves.T @ self._half_y
+        return _InnerProducts(halves, grams, moments.reshape(count, width))
+
+    @cached_property
+    def _batches(self) -> list[Floats]:
+        return [self.values[i : i + BATCH] for i in range(0, len(self.values), BATCH)]
+
+    @cached_property
+    def _cores(self) -> tuple[Floats | None, _InnerProducts]:
+        """Displacements (S, k, R) of the cores of all values where they are kept, and their products."""
+        kept, found = [], []
+        for batch in self._batches:
+            cores = self._displacements(batch)[:, self._core]
+            found.append(self._products(cores))
+            if cores.size * len(self.values) <= KEPT * len(batch):
+                kept.append(cores)
+        halves = np.hstack([part.halves for part in found])
+        grams, moments = (np.concatenate([getattr(part, name) for part in found]) for name in ("grams", "moments"))
+        return np.concatenate(kept) if kept else None, _InnerProducts(halves, grams, moments)
+
+    def _cores_across(self, model: Posterior[Any]) -> Floats:
+        """(S, k, m) inner products of the cores of all values with a model's groups, the geometry marginalised; computed once
+        for each group."""
+        parts = self._parts(model)
+        if new := [part for part in parts if part not in self._with_groups]:
+            kept, products = self._cores
+            seen = np.hstack([self._seen_groups[part] for part in new])
+            anew = (self._displacements(batch)[:, self._core] for batch in self._batches)
+            found = np.vstack([some.reshape(-1, len(seen)) @ seen for some in (anew if kept is None else (kept,))])
+            found -= products.halves.T @ np.hstack([self.groups.half(part) for part in new])
+            ends = np.cumsum([self.groups.width(part) for part in new])
+            self._with_groups |= {
+                part: some.copy() for part, some in zip(new, np.split(found, ends[:-1], axis=1), strict=True)
+            }
+        used = {part: self._with_groups.pop(part) for part in dict.fromkeys(parts)}
+        self._with_groups |= used  # the latest last
+        while sum(part.size for part in self._with_groups.values()) > KEPT and len(self._with_groups) > len(used):
+            del self._with_groups[next(iter(self._with_groups))]
+        return np.hstack([used[part] for part in parts]).reshape(*self._cores[1].moments.shape, -1)
+
+    def _parts(self, model: Posterior[Any]) -> tuple[Hashable, ...]:
+        """The groups of a model, joined groups being divided into their parts; their columns are prepared."""
+        parts = tuple(part for term in model.terms for part in self.groups.parts(term))
+        self._seen_groups = {
+            part: self._seen_groups[part] if part in self._seen_groups else self._seen(self.groups.columns(part))
+            for part in parts
+        }
+        return parts
+
+    def _side_by_side(self, model: Posterior[Any]) -> tuple[Floats, Floats]:
+        """(R, m) columns of a model's groups for inner products, and their (p, m) halves; kept for the next call."""
+        parts = self._parts(model)
+        if self._together is None or self._together[0] != parts:
+            seen = np.hstack([self._seen_groups[part] for part in parts])
+            self._together = parts, seen, np.hstack([self.groups.half(part) for part in parts])
+        return self._together[1:]
+
+    def best(self, model: Posterior[Any], others: Sequence[float] = ()) -> BestValue:
+        """Best value given a model.
+
+        ``model``: the model to which the effect is added. ``others``: values of the same cause that the model already has:
+        values that can't be distinguished from them are left out. Where no value is left, the gain is ``LEAST`` and the
+        value means nothing.
+        """
+        gains, scales = self._all_gains(model, self._resolved(self.values, others))
+        top = int(np.argmax(gains))
+        if gains[top] <= LEAST:
+            return BestValue(float(self.values[top]), 0.0, LEAST, float(scales[top]))
+        # Settings that explain as well as the best one share its evidence: the prior is spread over all that were tried.
+        trials = float(np.log(len(self.values)))
+        together = float(np.logaddexp.reduce(gains)) - trials
+        near = self.values[[max(top - 2, 0), min(top + 2, len(self.values) - 1)]]
+        if gains[top] < trials or near[0] == near[1]:
+            return BestValue(float(self.values[top]), float(np.ptp(near)) / 2.0, together, float(scales[top]))
+        found = self._refined(model, others, near)
+        gain = max(together, found.gain - trials)
+        return BestValue(found.value, found.sigma, gain, found.scale, self._maxima(gains, top, others))
+
+    def near(self, model: Posterior[Any], value: float, others: Sequence[float] = ()) -> BestValue:
+        """Best value given a model, within about one step of the scan from ``value``; ln(number of values) is taken off its
+        gain, which is less than ``LEAST`` where no value is left.
+
+        ``model``, ``others``: as in :meth:`best`.
+        """
+        ordered = np.sort(self.values)
+        at = int(np.searchsorted(ordered, value))
+        around = ordered[[max(at - 2, 0), min(at + 1, len(ordered) - 1)]]
+        found = self._refined(model, others, around)
+        return BestValue(found.value, found.sigma, found.gain - float(np.log(len(ordered))), found.scale)
+
+    def _refined(self, model: Posterior[Any], others: Sequence[float], near: Floats) -> BestValue:
+        """The best value between two values, on successively finer grids: the posterior mean, or the best of the last."""
+
+        def gains_at(values: Floats) -> tuple[Floats, Floats]:
+            gains, scales = self._gains_at(values, model)
+            return np.where(self._resolved(values, others), gains, LEAST), scales
+
+        for _ in range(REFINEMENTS):
+            finer = np.linspace(near.min(), near.max(), REFINED)
+            gains, scales = gains_at(finer)
+            best = int(np.argmax(gains))
+            likely = np.exp(gains - gains[best])
+            likely /= likely.sum()
+            value = float(likely @ finer)
+            sigma, step = float(np.sqrt(likely @ (finer - value) ** 2)), float(finer[1] - finer[0])
+            if sigma > COARSE * step:
+                break
+            near = finer[[max(best - 3, 0), min(best + 3, REFINED - 1)]]
+        (gain,), (scale,) = gains_at(np.array([value]))
+        if gain < gains[best] - 0.5:  # more than a sigma off: the mean of several maxima, as of places, is none of them
+            value, gain, scale = float(finer[best]), gains[best], scales[best]
+            sigma = float(np.sqrt(likely @ (finer - value) ** 2))
+        return BestValue(value, max(sigma, step / np.sqrt(12.0)), float(gain), float(scale))
+
+    def _maxima(self, gains: Floats, top: int, others: Sequence[float]) -> tuple[tuple[float, float, float], ...]:
+        """Other maxima of the gain over all values, the largest first; values that can't be distinguished from them are left
+        out."""
+        if self.effect.most_values < 2:
+            return ()
+        trials = float(np.log(len(gains)))
+        least, found = max(ALIKE * float(gains[top]), trials), list(others)
+        left = np.where((gains >= least) & _peaks(gains), gains, LEAST)
+        result: list[tuple[float, float, float]] = []
+        left[top] = LEAST
+        found.append(float(self.values[top]))
+        while True:
+            left = np.where(self._resolved(self.values, found), left, LEAST)
+            at = int(np.argmax(left))
+            if left[at] < least:
+                return tuple(result)
+            near = self.values[[max(at - 1, 0), min(at + 1, len(gains) - 1)]]
+            found.append(float(self.values[at]))
+            result.append((found[-1], float(np.ptp(near)), float(left[at]) - trials))
+            left[at] = LEAST
+
+    def _resolved(self, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:
+        """(S,) which values an effect of a user's own or the catalogue distinguishes; never one that the model has already."""
+        found = self.effect.resolved(self.design.operating_points, self.site, values, others)
+        return np.asarray(found & ~np.isin(values, others))
+
+    def _all_gains(self, model: Posterior[Any], wanted: npt.NDArray[np.bool_]) -> tuple[Floats, Floats]:
+        """(S,) gains of the values that are ``wanted``, ``LEAST`` for others and where the core gains little; and scales."""
+        gains, scales = self._gains(self._cores[1], model, self._cores_across(model) if model.terms else None)
+        if self._core == slice(None) or not wanted.any():
+            return np.where(wanted, gains, LEAST), scales
+        top = gains[wanted].max()
+        likely = wanted & (gains >= min(LIKELY * top, top))
+        likely[1:-1] |= likely[:-2] | likely[2:]
+        some = np.flatnonzero(likely & wanted)
+        gains = np.full(len(gains), LEAST)
+        for batch in np.array_split(some, -(-len(some) // BATCH)):
+            gains[batch], scales[batch] = self._gains_at(self.values[batch], model)
+        return gains, scales
+
+    def _gains_at(self, values: Floats, model: Posterior[Any]) -> tuple[Floats, Floats]:
+        """(S,) gains of some values with their modulations, and their scales."""
+        displacements = self._displacements(values)
+        products = self._products(displacements)
+        if not model.terms:
+            return self._gains(products, model, None)
+        seen, halves = self._side_by_side(model)
+        across = displacements.reshape(-1, len(seen)) @ seen - products.halves.T @ halves
+        return self._gains(products, model, across.reshape(*products.moments.shape, -1))
+
+    def _gains(self, products: _InnerProducts, model: Posterior[Any], across: Floats | None) -> tuple[Floats, Floats]:
+        """(S,) gains in log evidence given a model, and the scales that give them."""
+        grams, moments = products.grams, products.moments
+        if across is not None:
+            moments = moments - across @ model.mean
+            grams = grams - across @ model.covariance @ across.transpose(0, 2, 1)
+        return best_scales(grams, moments, self.effect.core, self.priors)
+
+
+def _peaks(gains: Floats) -> npt.NDArray[np.bool_]:
+    """Which gains are no less than those of both neighbours."""
+    around = np.pad(gains, 1, constant_values=-np.inf)
+    return np.asarray((gains >= around[:-2]) & (gains >= around[2:]))
