@@ -23,14 +23,12 @@ from gtpin.bench.blind.truth import Truth
 from gtpin.data import Dataset
 from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.evidence import Groups
+from gtpin.diagnosis.evidence import NOTHING, Groups, Posterior, all_gains, tuned
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
-from gtpin.diagnosis.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.posterior import NOTHING, Posterior, all_gains, tuned
+from gtpin.diagnosis.hypothesis_set import HypothesisSet, propose
+from gtpin.diagnosis.noise import readmit_outliers, settle
 from gtpin.diagnosis.prepare import prepare
-from gtpin.diagnosis.propose import propose
 from gtpin.diagnosis.scan import Scan
-from gtpin.diagnosis.settle import readmit_outliers, settle
 from gtpin.effects.catalogue import catalogue, effects_by_id
 from gtpin.effects.displacement import Displacement
 from gtpin.model.measured_robot import measuring, robot_of

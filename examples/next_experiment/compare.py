@@ -18,9 +18,8 @@ from gtpin.calibration.noise_estimator import noise_at
 from gtpin.data import Dataset
 from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.discrimination import CauseClass, chosen, concerns, discriminate
-from gtpin.diagnosis.evidence import Groups, Marginal
+from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, gain
 from gtpin.diagnosis.hypothesis import Hypothesis
-from gtpin.diagnosis.posterior import NOTHING, gain
 from gtpin.diagnosis.priors import PRIORS, SURE
 from gtpin.diagnosis.trials import Known, possible
 from gtpin.effects.catalogue import effects_by_id

@@ -23,7 +23,7 @@ from gtpin.certificate.pose_accuracy import (
 from gtpin.certificate.positioning import mean_reversal, positioning
 from gtpin.certificate.quantity import Missing, Quantity, blank
 from gtpin.data import Dataset
-from gtpin.diagnosis.gap import Gap
+from gtpin.diagnosis.result import Gap
 from gtpin.typing import Floats
 
 Groups = npt.NDArray[np.intp]

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from gtpin.certificate.budget import Budget
 from gtpin.certificate.quantity import Quantity
 from gtpin.data import Dataset
-from gtpin.diagnosis.findings import Verdict
+from gtpin.diagnosis.result import Verdict
 from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.output.shown import Shown, present

@@ -24,8 +24,7 @@ from gtpin.commands.terminal import (
 )
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
-from gtpin.diagnosis.gap import HoldOut
-from gtpin.diagnosis.result import Diagnosis
+from gtpin.diagnosis.result import Diagnosis, HoldOut
 from gtpin.errors import GtpinError
 from gtpin.health.history import HistoryFiles, refuse_readings
 from gtpin.model.model_folder import read_model

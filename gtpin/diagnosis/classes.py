@@ -9,13 +9,25 @@ from math import exp, sqrt
 
 import numpy as np
 
-from gtpin.diagnosis.findings import Conclusion, Contender, Doubt, FlexibleFamily, Undecided
+from gtpin.diagnosis.evidence import without
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm
 from gtpin.diagnosis.hypothesis_set import Explanation, Gain, HypothesisSet, Term, causes
-from gtpin.diagnosis.lines import with_its_lines
-from gtpin.diagnosis.posterior import without
-from gtpin.diagnosis.priors import CLASS_SHARE, UNDECIDED
-from gtpin.diagnosis.where import marginal_power
+from gtpin.diagnosis.priors import CLASS_SHARE
+from gtpin.diagnosis.search import with_its_lines
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A hypothesis that could be the cause, with its probability.
+
+    ``hypothesis``, ``probability``: the hypothesis, and how probable it is. ``recorded``: false where only a proxy shows it.
+    ``beside``: another hypothesis, where only both together could be in the place of the cause.
+    """
+
+    hypothesis: Hypothesis
+    probability: float
+    recorded: bool = True
+    beside: Hypothesis | None = None
 
 
 def contenders(
@@ -217,128 +229,3 @@ def _best_two(
             second = max(more, key=lambda h: more[h].value)
             found.append((hypotheses.extended(one, second), (first, second)))
     return max(found, key=lambda pair: hypotheses.log_posterior(pair[0]), default=None)
-
-
-MOST_FORMS = 3
-"""Most forms with few parameters that are a mechanism together: a bearing's axis with three error motions. Assumed."""
-
-
-def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
-    """The conclusion without causes that are only a description: flexible families, which follow any smooth motion.
-
-    Such a family is a cause where forms with few parameters, its own or those of another family, are at least as likely as the
-    family and as every smooth term that is not only its modulation, prior odds included. Its class then has the other families
-    by their forms, and the cause is the likeliest of them. Otherwise the family says where the error is and over what, but not
-    why: it is a doubt where it explains more than a small part of the gap, and no cause. Where its class is undecided it stays.
-    """
-    told, doubts, mechanisms = [], [], set(found.mechanisms)
-    for cause, members in found.classes.items():
-        if cause.effect.nature != "description" or members[0].probability < UNDECIDED:
-            continue
-        by_forms = _by_forms(hypotheses, found.whole(hypotheses), cause)
-        if by_forms:
-            found, cause = _likeliest_forms(hypotheses, found, cause, by_forms)
-            mechanisms.add(cause.place)
-        else:
-            over = tuple(sorted(cause.drivers(hypotheses.design.operating_points.robot)))
-            own = next(m.probability for m in members if m.hypothesis.place == cause.place)
-            told.append(FlexibleFamily(*cause.place, over, size(hypotheses, found.model, cause), own))
-            if not weak(hypotheses, found.model, cause):
-                doubts.append(Doubt("description", cause.site, over))
-    found = replace(found, mechanisms=frozenset(mechanisms), descriptions=(*found.descriptions, *told))
-    if not told:
-        return found
-    places = {(d.effect, d.site) for d in told}
-    kept = found.only(hypotheses, [cause for cause in found.classes if cause.place not in places])
-    return kept.named_beside_unknown(hypotheses).doubted(*doubts) if doubts else kept
-
-
-def _by_forms(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> dict[Hypothesis, float]:
-    """Gain in log evidence, nats, of each flexible family in the place of one by its forms; empty where all gain too little.
-
-    Enough is what the family itself gains and what any smooth term gains, less their prior odds: what they gain beyond forms
-    is a motion without a name.
-    """
-    rest = without(hypotheses.groups, model, cause, sweeps=1)
-    own = model.log_evidence - rest.log_evidence
-    smooth = max((g.value for g in hypotheses.gains(rest, unnamed(hypotheses, cause)).values()), default=0.0)
-    families = [
-        h for h in hypotheses.named if h.effect.nature == "description" and (h == cause or h not in model.terms)
-    ]
-    gains = {family: _gain_of_forms(hypotheses, rest, family) for family in families}
-    priors = hypotheses.priors
-    least = max((1.0 - priors.modulation) * own, smooth - priors.departure * own) - priors.unnamed
-    return gains if max(gains.values()) >= least else {}
-
-
-def _gain_of_forms(hypotheses: HypothesisSet, rest: Explanation, family: Hypothesis) -> float:
-    """Gain of a family's forms: chosen one after the other, each against the prior odds of a choice among all of them.
-
-    The forms become groups of ``hypotheses``, once.
-    """
-    groups, forms = hypotheses.groups, []
-    for number, chosen in enumerate(family.effect.forms(hypotheses.design.operating_points.robot, family.site)):
-        form = SmoothTerm(family.site, (str(number),), f"form of {family.effect.id}")
-        if form not in groups:
-            groups.add(form, groups.columns(family)[:, list(chosen)])
-        forms.append(form)
-    simple, price = rest, float(np.log(max(len(forms), 1)))
-    for _ in range(min(MOST_FORMS, len(forms))):
-        gains = hypotheses.gains(simple, forms)
-        best = max(gains, key=lambda form: gains[form].value)
-        if gains[best].value < price:
-            break
-        simple = hypotheses.extended(simple, best)
-    return simple.log_evidence - rest.log_evidence - (len(simple.terms) - len(rest.terms)) * price
-
-
-def _likeliest_forms(
-    hypotheses: HypothesisSet, found: Conclusion, cause: Hypothesis, by_forms: Mapping[Hypothesis, float]
-) -> tuple[Conclusion, Hypothesis]:
-    """The conclusion with the families in a cause's class by the gain of their forms; the likeliest of them is the cause."""
-    heat = hypotheses.priors.heat(by_forms[cause])
-    own = _own_probability(found.classes[cause], cause)
-    probability = {m.hypothesis: m.probability for m in found.classes[cause]}
-    for family, gain in by_forms.items():
-        probability[family] = max(probability.get(family, 0.0), own * exp(min((gain - by_forms[cause]) / heat, 700.0)))
-    before = {m.hypothesis: m for m in found.classes[cause]}
-    whole = max(sum(probability.values()), 1.0)
-    likeliest = max(by_forms, key=lambda family: probability[family])
-    members = [replace(before.get(h, Contender(h, 0.0)), probability=p / whole) for h, p in probability.items()]
-    least = CLASS_SHARE * max(m.probability for m in members)
-    members = [m for m in members if m.probability >= least or m.hypothesis == likeliest]
-    terms = [likeliest if term == cause else term for term in found.model.terms]
-    model = found.model if likeliest == cause else hypotheses.of(terms, found.model.scale)
-    classes = {likeliest if c == cause else c: members_ for c, members_ in found.classes.items()}
-    return replace(found, model=model, classes={**classes, likeliest: _ordered(members, likeliest)}), likeliest
-
-
-def without_undecided(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
-    """The conclusion that tells apart what is weak and undecided, where other causes are named."""
-    small = tuple(
-        cause
-        for cause, members in found.classes.items()
-        if members[0].probability < UNDECIDED and weak(hypotheses, found.model, cause)
-    )
-    return replace(found, also=small) if len(small) < len(found.classes) else found
-
-
-def undecided(hypotheses: HypothesisSet, found: Conclusion) -> tuple[Undecided, ...]:
-    """What is weak and undecided, as it is reported."""
-    return tuple(Undecided(c.site, size(hypotheses, found.model, c), found.members(c)) for c in found.also)
-
-
-def weak(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> bool:
-    """Whether a cause explains only a small part of the chi-square beyond noise that the geometry leaves."""
-    less = without(hypotheses.groups, model, cause, sweeps=1)
-    own = marginal_power(hypotheses, less) - marginal_power(hypotheses, model)
-    return own < hypotheses.priors.weak * (hypotheses.groups.power - hypotheses.design.dof)
-
-
-def size(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> float:
-    """Root mean square of the TCP's displacement by a cause over the poses of the search, m."""
-    at = hypotheses.design.operating_points
-    start = sum(model.widths[: model.terms.index(cause)])
-    basis = cause.basis(at)
-    moved = basis.displacement(at)[:, :3] @ (basis.sigma * model.mean[start : start + len(basis)])
-    return float(np.sqrt((moved**2).sum(axis=1).mean()))

@@ -6,7 +6,7 @@ Or, with an earlier model, what has changed since.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import overload
 
 import numpy as np
@@ -15,23 +15,52 @@ from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset, by_region
 from gtpin.diagnosis.against import check
-from gtpin.diagnosis.findings import considered
-from gtpin.diagnosis.fit import fit
-from gtpin.diagnosis.gap import HoldOut, check_hold_out
-from gtpin.diagnosis.hypothesis import Scope
+from gtpin.diagnosis.doubts import (
+    described,
+    held_out,
+    hidden_in_scatter,
+    questions,
+    with_full_digits,
+    with_one_measurement,
+    with_smaller_errors,
+    with_two_valued,
+    without_impossible,
+)
+from gtpin.diagnosis.gap import blocks_of, check_hold_out, gaps, n_sessions, unexplained, where
+from gtpin.diagnosis.hypothesis import Hypothesis, Scope
+from gtpin.diagnosis.joint_fit import cause, fit_together
 from gtpin.diagnosis.next_experiment import classes, plan
+from gtpin.diagnosis.noise import (
+    MOST_POSES,
+    SearchState,
+    ShownNoise,
+    floor_of,
+    readmit_outliers,
+    settle,
+    understated_noise,
+    warn_of_noise,
+)
 from gtpin.diagnosis.prepare import Prepared, prepare
 from gtpin.diagnosis.priors import PRIORS, Priors
-from gtpin.diagnosis.result import Diagnosis, HealthCheck
-from gtpin.diagnosis.settle import MOST_POSES, readmit_outliers, settle
-from gtpin.diagnosis.shown_noise import understated_noise, warn_of_noise
+from gtpin.diagnosis.result import (
+    Cause,
+    Diagnosis,
+    Doubt,
+    Gap,
+    HealthCheck,
+    HoldOut,
+    Question,
+    Source,
+    Undecided,
+    Unexplained,
+)
+from gtpin.diagnosis.search import strongest_first
 from gtpin.diagnosis.trials import Known
-from gtpin.diagnosis.verdict import infer
-from gtpin.diagnosis.where import where
+from gtpin.diagnosis.verdict import Conclusion, considered, infer, undecided, without_undecided
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.driver import InstrumentAxes, driver_effects
 from gtpin.effects.effect import Effect
-from gtpin.errors import ModelError, check_kind, noted, warn
+from gtpin.errors import ConvergenceError, ModelError, check_kind, noted, warn
 from gtpin.memory import require
 from gtpin.model.measured_robot import check_same_robot, measuring, robot_of
 from gtpin.model.model import Model
@@ -244,3 +273,116 @@ def _instrument(prepared: Prepared) -> InstrumentAxes:
     frame, station = prepared.baseline.model.frame, prepared.recorded.instrument.station
     origin = np.zeros(3) if station is None else np.array(station)
     return InstrumentAxes(frame.R.T @ (origin - frame.T), frame.R.T)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """The final conclusion, with the fitted causes.
+
+    ``conclusion``: the conclusion, with the doubts that the fit and left-out poses raise. ``model``: the geometry and the
+    causes, fitted together. ``causes``: the one that explains most of the gap is the first. ``also``: what is weak and
+    undecided beside them. ``gap``: errors on left-out poses, without and with the causes. ``unexplained``: what the causes do
+    not explain. ``questions``: parameters whose values are not plausible or not usual. ``noise_source``: where the noise floor
+    comes from.
+    """
+
+    conclusion: Conclusion
+    model: Model
+    causes: tuple[Cause, ...]
+    also: tuple[Undecided, ...]
+    gap: Gap
+    unexplained: Unexplained
+    questions: tuple[Question, ...]
+    noise_source: Source
+
+
+def fit(
+    prepared: Prepared, settled: SearchState, found: Conclusion, rng: np.random.Generator, hold_out: HoldOut = "region"
+) -> Fitted:
+    """Fit geometry and causes together, and check the parameters against their plausible ranges and the fit on left-out poses.
+
+    The checks always leave out neighbouring poses; ``hold_out`` says what is left out for the gap that is reported.
+    """
+    hypotheses, searched = settled.hypotheses, settled.searched
+    neighbours = blocks_of(searched, "region", rng)
+    found = described(hypotheses, found)
+    if hypotheses.design.measured.tracked:  # these checks are for poses, not for readings
+        found = with_full_digits(found, hypotheses, searched)
+        found = with_one_measurement(found, hypotheses, searched)
+        found = with_two_valued(hypotheses, found, settled.observed.noise)
+    inferred = floor_of(settled.observed.noise, hypotheses.design)
+    found = with_smaller_errors(hypotheses, found, neighbours)
+    try:
+        model, causes = _fitted(prepared, settled, found)
+    except ConvergenceError:  # the causes explain the data to first order only: no closed chain has them at such sizes
+        if not found.classes:
+            raise
+        found = found.only(hypotheses, []).doubted(Doubt("held_out"))
+        model, causes = _fitted(prepared, settled, found)
+    asked = questions(found, causes, hypotheses.priors)
+    impossible = [question for question in asked if not question.believed]
+    if impossible:
+        other = infer(settled, {(q.effect, q.site) for q in impossible})
+        found = without_impossible(hypotheses, found, impossible, {c.place for c in other.sure()})
+        model, causes = _fitted(prepared, settled, found)
+    shown = ShownNoise.of(settled.observed, hypotheses, settled.guess, prepared.declared, hypotheses.priors)
+    floor = shown.floor(hypotheses.design)
+
+    def gaps_by(which: HoldOut) -> tuple[Gap, dict[tuple[str, str], float]]:
+        blocks = blocks_of(searched, which, rng)
+        whole, takes = gaps(hypotheses, found, floor, blocks, rng, which == "session", inferred)
+        return replace(whole, hold_out=which, blocks=len(blocks), sessions=n_sessions(searched)), takes
+
+    checked, takes = gaps_by("region")
+    found = without_undecided(hypotheses, found)
+    before, found = found, held_out(found, hypotheses, checked, settled.observed, shown)
+    at = hypotheses.design.operating_points
+    untestable = [one.hypothesis for one in hypotheses.untested]
+    hidden = hidden_in_scatter(found, _scatter(prepared, settled), untestable, at, hypotheses.priors)
+    if hidden:
+        found = found.doubted(Doubt("scatter", hidden[0].site))
+    sure = found.named_beside_unknown(hypotheses) if found.doubts else found
+    if len(sure.classes) < len(found.classes) or found.classes is not before.classes:
+        # A cause that is not sure may only take up a part of the unknown.
+        found = sure
+        model, causes = _fitted(prepared, settled, found)
+        checked, takes = gaps_by("region")
+    whole, takes = (checked, takes) if hold_out == "region" else gaps_by(hold_out)
+    causes = [replace(c, explained_fraction=takes[c.effect, c.site]) for c in causes]
+    remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
+    small = {c.place for c in found.also}
+    no_cause = {c.place for c in found.classes} | {(q.effect, q.site) for q in impossible}
+    likely = (place for place in found.likely if place not in no_cause)
+    could_be = tuple(dict.fromkeys((*likely, *(h.place for h in hidden), *remaining.could_be)))
+    return Fitted(
+        conclusion=found,
+        model=model,
+        causes=tuple(
+            sorted((c for c in causes if (c.effect, c.site) not in small), key=lambda c: -c.explained_fraction)
+        ),
+        also=undecided(hypotheses, found),
+        gap=whole,
+        unexplained=replace(remaining, could_be=could_be, descriptions=found.descriptions),
+        questions=tuple(asked),
+        noise_source=shown.source,
+    )
+
+
+def _scatter(prepared: Prepared, settled: SearchState) -> float:
+    """Scatter of the drives over the instrument's noise: from repeated visits for poses, from all residuals for readings."""
+    visits, noise = prepared.baseline.noise, settled.observed.noise
+    if settled.observed.measured.tracked:
+        return visits.repeatability / visits.position_sigma
+    moved = np.sqrt((settled.hypotheses.design.by_command_seen**2).sum(axis=2))
+    return float(np.median(noise.repeatability * moved / noise.each))
+
+
+def _fitted(prepared: Prepared, settled: SearchState, found: Conclusion) -> tuple[Model, list[Cause]]:
+    """The model fitted with the causes, and the causes with their parameters."""
+    named: Sequence[Hypothesis] = list(found.classes)
+    scale = [
+        found.scale[hypothesis] for hypothesis in named
+    ]  # not `cause` as the variable: in Python 3.12.1 the function `cause` would then be unbound below
+    ordered = [strongest_first(settled.hypotheses, found.model, c) for c in named]
+    model = fit_together(settled.everything, prepared.baseline.model, ordered, scale, settled.references)
+    return model, [cause(model, own, found, c, settled.hypotheses) for c, own in zip(named, ordered, strict=True)]

@@ -1,4 +1,4 @@
-"""The measurements that best distinguish the members of a class."""
+"""The measurements that best distinguish the members of a class, by expected log Bayes factors."""
 
 from __future__ import annotations
 
@@ -6,37 +6,195 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.special import logsumexp
 
-from gtpin.diagnosis.evidence import Groups, Marginal
-from gtpin.diagnosis.expected_bayes_factor import (
-    Pair,
-    Prediction,
-    Rivals,
-    Rows,
-    expected_gain,
-    most_telling,
-)
-from gtpin.diagnosis.experiment import Experiment
+from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, gain
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm
-from gtpin.diagnosis.measurement_conditions import kind, numbers
-from gtpin.diagnosis.posterior import NOTHING, gain
-from gtpin.diagnosis.priors import PRIORS, Priors
+from gtpin.diagnosis.priors import PRIORS, SURE, Priors
+from gtpin.diagnosis.result import Experiment
 from gtpin.diagnosis.smooth_terms import COMMON, smooth_terms
-from gtpin.diagnosis.trials import Known, Trials, possible
+from gtpin.diagnosis.trials import Known, Trials, kind, numbers, possible
 from gtpin.effects.displacement import Displacement
 from gtpin.effects.operating_points import Column
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
-POOL = 200
+Rows = npt.NDArray[np.intp]
+Pair = tuple[int, int, float]
+"""Indices of two hypotheses, of which the first is assumed to be true, and the weight of this pair."""
+IGNORED_VARIANCE = 3e-3
+"""Mean variance per row, relative to that of the noise, below which a direction is ignored in the choice of rows."""
+SIMULATED = 400
+"""Number of simulated measurements. The standard error of a probability is 2.5 % at most."""
+PROMISED = 0.8
+"""Probability of settling the question from which one experiment is said to be enough."""
+MOST_ROUNDS = 10
+"""Most rounds of the same measurements that are considered."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The predictive distribution of M further rows with c whitened numbers each, under a hypothesis, given the measured rows.
+
+    ``mean``: (M, c). ``spread``: (M, c, r) root of the covariance without noise, that of rows i and j being spread[i] @
+    spread[j]'. The noise adds I.
+    """
+
+    mean: Floats
+    spread: Floats
+
+    @staticmethod
+    def of(trials: Trials, columns: Floats) -> Prediction:
+        """The prediction for whitened displacements ((N + M) c, m) of standard normal coefficients, and the geometry."""
+        c, p = trials.design.components, trials.design.B.shape[1] + columns.shape[1]
+        J = np.hstack([trials.design.B, columns])
+        old, new = J[trials.old], J[trials.old.stop :]
+        factor = cho_factor(np.eye(p) + old.T @ old, lower=True)
+        mean = new @ cho_solve(factor, old.T @ trials.design.y[trials.old])
+        spread = solve_triangular(factor[0], new.T, lower=True).T
+        return Prediction(mean.reshape(-1, c), spread.reshape(len(trials), c, -1))
+
+    def factor(self, rows: Rows, times: int = 1) -> Floats:
+        """The lower triangular factor of the covariance of some rows, with noise, each measured ``times`` times and averaged.
+
+        In units of the averages' noise.
+        """
+        L = np.sqrt(times) * self.spread[rows].reshape(-1, self.spread.shape[2])
+        # By QR: where L is very large, I would be lost by rounding in I + L L'.
+        upper = np.linalg.qr(np.vstack([L.T, np.eye(len(L))]), mode="r")
+        return np.asarray((upper * np.sign(np.diag(upper))[:, None]).T)
+
+
+def expected_gain(predictions: Sequence[Prediction], pairs: Sequence[Pair], rows: Rows) -> float:
+    """Expected log Bayes factor, nats, for the true hypothesis by measuring some rows; weighted mean over pairs.
+
+    For a pair (a, b) it is the Kullback-Leibler divergence of N(mu_a, I + L_a L_a') from N(mu_b, I + L_b L_b'), with mu the
+    means and L the spreads of the two predictions.
+    """
+    factors = [p.factor(rows) for p in predictions]
+    total = 0.0
+    for true, rival, weight in pairs:
+        lower = factors[true]
+        shift = (predictions[true].mean - predictions[rival].mean)[rows].ravel()
+        solved = solve_triangular(factors[rival], np.column_stack([lower, shift]), lower=True)
+        logs = np.log(np.diag(factors[rival])).sum() - np.log(np.diag(lower)).sum()
+        total += weight * float(0.5 * ((solved**2).sum() - len(shift)) + logs)
+    return total / sum(weight for *_, weight in pairs)
+
+
+def most_telling(predictions: Sequence[Prediction], pairs: Sequence[Pair], count: int) -> Rows:
+    """(count,) rows that together distinguish the hypotheses best, chosen one by one.
+
+    The criterion is the sum of ln(1 + gain) over the pairs, so that a pair with a large gain already adds little.
+    """
+    spreads = [_main(p.spread) for p in predictions]
+    # Mean and root of the covariance of the errors of a rival's predictions of all rows, where the other one is true.
+    shifts = [predictions[true].mean - predictions[rival].mean for true, rival, _ in pairs]
+    errors = [spreads[true] for true, _, _ in pairs]
+    weights, gains = np.array([[weight] for *_, weight in pairs]), np.zeros(len(pairs))
+    M, c = predictions[0].mean.shape
+    chosen: list[int] = []
+    while len(chosen) < min(count, M):
+        covariances = [np.eye(c) + s @ np.swapaxes(s, 1, 2) for s in spreads]
+        inverses = [np.linalg.inv(S) for S in covariances]
+        logs = [np.linalg.slogdet(S)[1] for S in covariances]
+        steps = np.empty((len(pairs), M))  # gain by measuring each row next
+        for i, (true, rival, _) in enumerate(pairs):
+            trace = (inverses[rival] * (np.eye(c) + errors[i] @ np.swapaxes(errors[i], 1, 2))).sum(axis=(1, 2))
+            squared = np.einsum("ni,nij,nj->n", shifts[i], inverses[rival], shifts[i])
+            steps[i] = 0.5 * (trace + squared - c + (logs[rival] - logs[true]))
+        worth = (weights * np.log1p(gains[:, None] + steps)).sum(axis=0)
+        worth[chosen] = -np.inf
+        best = int(worth.argmax())
+        chosen.append(best)
+        gains = gains + steps[:, best]
+        for i, (_, rival, _) in enumerate(pairs):
+            update = (spreads[rival] @ spreads[rival][best].T) @ inverses[rival][best]
+            shifts[i] = shifts[i] - update @ shifts[i][best]
+            errors[i] = np.concatenate([errors[i] - update @ errors[i][best], update], axis=2)
+        spreads = [_known(s, best, S) for s, S in zip(spreads, covariances, strict=True)]
+    return np.array(chosen, dtype=np.intp)
+
+
+def _main(spread: Floats) -> Floats:
+    """(M, c, few) approximation of a root of the covariance (M, c, r) by its largest directions."""
+    flat = spread.reshape(-1, spread.shape[2])
+    values, vectors = np.linalg.eigh(flat.T @ flat)
+    return np.asarray(spread @ vectors[:, values > IGNORED_VARIANCE * len(spread)])
+
+
+def _known(spread: Floats, row: int, covariances: Floats) -> Floats:
+    """The root of the covariance after a row was measured (Potter's square-root update for several numbers at a time)."""
+    values, vectors = np.linalg.eigh(covariances[row])
+    middle = (vectors / (np.sqrt(values) * (np.sqrt(values) + 1.0))) @ vectors.T
+    return np.asarray(spread - (spread @ spread[row].T) @ (middle @ spread[row]))
+
+
+@dataclass(frozen=True)
+class Rivals:
+    """The hypotheses of a class, then the smooth terms in their place, with their predictions and probabilities.
+
+    ``named``: number of hypotheses. Of the smooth terms only the most probable counts, as in the diagnosis. ``heat``: the
+    temperature of the diagnosis.
+    """
+
+    predictions: Sequence[Prediction]
+    probabilities: Sequence[float]
+    named: int
+    heat: float
+
+    def settling_probability(self, rows: Rows, rng: np.random.Generator, rounds: int = 1) -> float:
+        """Probability that one hypothesis has a probability of 0.95 or more after some rows are measured ``rounds`` times.
+
+        Measurements are simulated from each hypothesis as often as it is probable. Log Bayes factors are divided by the
+        temperature. What is not listed has the rest of the probability, and gains as much as the strongest alternative of the
+        leader.
+        """
+        n, share = self.named, np.array(self.probabilities)
+        rest = max(1.0 - share[:n].sum() - share[n:].max(initial=0.0), 0.0)
+        means = [np.sqrt(rounds) * p.mean[rows].ravel() for p in self.predictions]
+        factors = [p.factor(rows, rounds) for p in self.predictions]
+        true = rng.choice(n, SIMULATED, p=share[:n] / share[:n].sum())
+        noise = rng.standard_normal((SIMULATED, len(means[0])))
+        measured = np.stack([means[t] + factors[t] @ z for t, z in zip(true, noise, strict=True)], axis=1)
+        gain = np.stack([_log_density(measured, *p) for p in zip(means, factors, strict=True)]) / self.heat
+        with np.errstate(divide="ignore"):
+            after = np.log(share)[:, None] + gain
+            named, smooth = after[:n], after[n:].max(axis=0, initial=-np.inf)
+            leader = named.max(axis=0)
+            others = np.where(named == leader, -np.inf, gain[:n]).max(axis=0)
+            whole = logsumexp(np.vstack([named, smooth, np.log(rest) + others]), axis=0)
+        return float(np.mean(np.exp(leader - whole) >= SURE))
+
+    def rounds_needed(self, rows: Rows, rng: np.random.Generator) -> tuple[float, int | None]:
+        """The probability that one round settles the question, and how many rounds are enough; None: more than ten."""
+        # A stream of its own, so that other plans do not depend on whether this is computed. The random numbers are the same
+        # for each number of rounds, so that more rounds are not worse by chance.
+        seed, found = int(rng.spawn(1)[0].integers(2**31)), list[float]()
+        for rounds in range(1, MOST_ROUNDS + 1):
+            found.append(self.settling_probability(rows, np.random.default_rng(seed), rounds))
+            if found[-1] >= PROMISED:
+                return found[0], rounds
+        return found[0], None
+
+
+def _log_density(measured: Floats, mean: Floats, factor: Floats) -> Floats:
+    """(D,) log density of (m, D) numbers under N(mean, factor @ factor'), less a constant."""
+    solved = solve_triangular(factor, measured - mean[:, None], lower=True)
+    return np.asarray(-0.5 * (solved**2).sum(axis=0) - np.log(np.diag(factor)).sum())
+
+
+DISCRIMINATING_ROWS = 200
 """Number of random rows from which the most informative are chosen."""
 RIVALS = 3
 """Most members of a class from which its leader is distinguished."""
-DRAWS = 5
+RANDOM_PLANS = 5
 """Number of random choices with which a plan is compared."""
-LEAST = 1.0
+LEAST_EXPECTED = 1.0
 """Log Bayes factor expected of the whole experiment, nats, below which another measurement than poses is also proposed."""
-HOPELESS = 0.1
+NONE_EXPECTED = 0.1
 """Log Bayes factor expected of the whole experiment, nats, below which no poses are proposed."""
 
 
@@ -67,7 +225,7 @@ def discriminate(
     robot, own = known.robot, classes[which]
     members = sorted(own.members, key=lambda member: -member[1])[: RIVALS + 1]
     words = {word for hypothesis, _ in members for word in concerns(hypothesis, robot)}
-    trials = possible(known, words, POOL, rng)
+    trials = possible(known, words, DISCRIMINATING_ROWS, rng)
     others = other_causes(trials, [s for i, s in enumerate(classes) if i != which], words)
     at = trials.design.operating_points
 
@@ -100,7 +258,7 @@ def discriminate(
         reference_temperature=known.observed.temperature,
         watch=sites,
     )
-    if expected < HOPELESS:
+    if expected < NONE_EXPECTED:
         return found
     share = dict(own.smooth)
     smooth = [(t, b) for t, b in smooth_terms(at, own.priors) if t in share and t.motion not in COMMON] if share else []
@@ -113,7 +271,7 @@ def discriminate(
         covariates=chosen(trials, rows, words),
         settles=settles,
         rounds=rounds,
-        watch=sites if expected < LEAST or rounds is None else (),
+        watch=sites if expected < LEAST_EXPECTED or rounds is None else (),
     )
 
 
@@ -141,7 +299,7 @@ def best_rows(
 ) -> tuple[Rows, float, float]:
     """The rows with the largest expected gain, in the order of measurement; this gain; and the mean gain of random rows."""
     rows = most_telling(predictions, pairs, count)
-    drawn = [rng.choice(len(trials), len(rows), replace=False) for _ in range(DRAWS)]
+    drawn = [rng.choice(len(trials), len(rows), replace=False) for _ in range(RANDOM_PLANS)]
     random = float(np.mean([expected_gain(predictions, pairs, r) for r in drawn]))
     return rows[_order(trials, rows)], expected_gain(predictions, pairs, rows), random
 

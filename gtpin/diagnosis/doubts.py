@@ -1,10 +1,11 @@
-"""Faults of the data that look like an effect or like scatter: each makes the verdict unknown, or removes causes."""
+"""Reasons to assume something unknown, and what is named beside it."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import exp
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -12,18 +13,116 @@ from scipy.special import logsumexp
 
 from gtpin.data import Dataset
 from gtpin.data.duplicates import command_steps
-from gtpin.diagnosis.design import Design
-from gtpin.diagnosis.findings import Conclusion, Doubt
-from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.classes import Contender, _ordered, _own_probability, contenders, unnamed
+from gtpin.diagnosis.design import Design, Observed
+from gtpin.diagnosis.evidence import NOTHING, without
+from gtpin.diagnosis.gap import leave_out
+from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm
 from gtpin.diagnosis.hypothesis_set import Explanation, HypothesisSet
-from gtpin.diagnosis.noise import left_over
-from gtpin.diagnosis.posterior import NOTHING
-from gtpin.diagnosis.priors import PRIORS, Priors
+from gtpin.diagnosis.noise import ShownNoise, floor_of, left_over
+from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS, UNDECIDED, Priors
+from gtpin.diagnosis.result import Cause, Doubt, FlexibleFamily, Gap, Question
+from gtpin.diagnosis.verdict import Conclusion, size, weak
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import warn
 from gtpin.kinematics.rotations import frame_motions
+from gtpin.noise.estimate import LEAST_CONTRASTS
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats, Mask
+
+MOST_FORMS = 3
+"""Most forms with few parameters that are a mechanism together: a bearing's axis with three error motions. Assumed."""
+
+
+def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
+    """The conclusion without causes that are only a description: flexible families, which follow any smooth motion.
+
+    Such a family is a cause where forms with few parameters, its own or those of another family, are at least as likely as the
+    family and as every smooth term that is not only its modulation, prior odds included. Its class then has the other families
+    by their forms, and the cause is the likeliest of them. Otherwise the family says where the error is and over what, but not
+    why: it is a doubt where it explains more than a small part of the gap, and no cause. Where its class is undecided it stays.
+    """
+    told, doubts, mechanisms = [], [], set(found.mechanisms)
+    for cause, members in found.classes.items():
+        if cause.effect.nature != "description" or members[0].probability < UNDECIDED:
+            continue
+        by_forms = _by_forms(hypotheses, found.whole(hypotheses), cause)
+        if by_forms:
+            found, cause = _likeliest_forms(hypotheses, found, cause, by_forms)
+            mechanisms.add(cause.place)
+        else:
+            over = tuple(sorted(cause.drivers(hypotheses.design.operating_points.robot)))
+            own = next(m.probability for m in members if m.hypothesis.place == cause.place)
+            told.append(FlexibleFamily(*cause.place, over, size(hypotheses, found.model, cause), own))
+            if not weak(hypotheses, found.model, cause):
+                doubts.append(Doubt("description", cause.site, over))
+    found = replace(found, mechanisms=frozenset(mechanisms), descriptions=(*found.descriptions, *told))
+    if not told:
+        return found
+    places = {(d.effect, d.site) for d in told}
+    kept = found.only(hypotheses, [cause for cause in found.classes if cause.place not in places])
+    return kept.named_beside_unknown(hypotheses).doubted(*doubts) if doubts else kept
+
+
+def _by_forms(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> dict[Hypothesis, float]:
+    """Gain in log evidence, nats, of each flexible family in the place of one by its forms; empty where all gain too little.
+
+    Enough is what the family itself gains and what any smooth term gains, less their prior odds: what they gain beyond forms
+    is a motion without a name.
+    """
+    rest = without(hypotheses.groups, model, cause, sweeps=1)
+    own = model.log_evidence - rest.log_evidence
+    smooth = max((g.value for g in hypotheses.gains(rest, unnamed(hypotheses, cause)).values()), default=0.0)
+    families = [
+        h for h in hypotheses.named if h.effect.nature == "description" and (h == cause or h not in model.terms)
+    ]
+    gains = {family: _gain_of_forms(hypotheses, rest, family) for family in families}
+    priors = hypotheses.priors
+    least = max((1.0 - priors.modulation) * own, smooth - priors.departure * own) - priors.unnamed
+    return gains if max(gains.values()) >= least else {}
+
+
+def _gain_of_forms(hypotheses: HypothesisSet, rest: Explanation, family: Hypothesis) -> float:
+    """Gain of a family's forms: chosen one after the other, each against the prior odds of a choice among all of them.
+
+    The forms become groups of ``hypotheses``, once.
+    """
+    groups, forms = hypotheses.groups, []
+    for number, chosen in enumerate(family.effect.forms(hypotheses.design.operating_points.robot, family.site)):
+        form = SmoothTerm(family.site, (str(number),), f"form of {family.effect.id}")
+        if form not in groups:
+            groups.add(form, groups.columns(family)[:, list(chosen)])
+        forms.append(form)
+    simple, price = rest, float(np.log(max(len(forms), 1)))
+    for _ in range(min(MOST_FORMS, len(forms))):
+        gains = hypotheses.gains(simple, forms)
+        best = max(gains, key=lambda form: gains[form].value)
+        if gains[best].value < price:
+            break
+        simple = hypotheses.extended(simple, best)
+    return simple.log_evidence - rest.log_evidence - (len(simple.terms) - len(rest.terms)) * price
+
+
+def _likeliest_forms(
+    hypotheses: HypothesisSet, found: Conclusion, cause: Hypothesis, by_forms: Mapping[Hypothesis, float]
+) -> tuple[Conclusion, Hypothesis]:
+    """The conclusion with the families in a cause's class by the gain of their forms; the likeliest of them is the cause."""
+    heat = hypotheses.priors.heat(by_forms[cause])
+    own = _own_probability(found.classes[cause], cause)
+    probability = {m.hypothesis: m.probability for m in found.classes[cause]}
+    for family, gain in by_forms.items():
+        probability[family] = max(probability.get(family, 0.0), own * exp(min((gain - by_forms[cause]) / heat, 700.0)))
+    before = {m.hypothesis: m for m in found.classes[cause]}
+    whole = max(sum(probability.values()), 1.0)
+    likeliest = max(by_forms, key=lambda family: probability[family])
+    members = [replace(before.get(h, Contender(h, 0.0)), probability=p / whole) for h, p in probability.items()]
+    least = CLASS_SHARE * max(m.probability for m in members)
+    members = [m for m in members if m.probability >= least or m.hypothesis == likeliest]
+    terms = [likeliest if term == cause else term for term in found.model.terms]
+    model = found.model if likeliest == cause else hypotheses.of(terms, found.model.scale)
+    classes = {likeliest if c == cause else c: members_ for c, members_ in found.classes.items()}
+    return replace(found, model=model, classes={**classes, likeliest: _ordered(members, likeliest)}), likeliest
+
 
 COARSEST = 2e-2
 """Step of commands, m or rad, above which they are a grid that was chosen on purpose. Assumed: 1 degree is below it."""
@@ -59,10 +158,10 @@ def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Data
     return found.only(hypotheses, [])
 
 
-SWEEPS = 30
-USUAL = (1.5e-5, 5e-5)
+GROUP_SWEEPS = 30
+USUAL_SIGMAS = (1.5e-5, 5e-5)
 """Assumed noise of a laser tracker, m and rad, for the weights of positions and orientations where no noise is declared."""
-SHOWN = 8
+LISTED_ROWS = 8
 """Lines of rows that a message lists."""
 
 
@@ -87,7 +186,7 @@ def two_groups(
     y, F = design.coloured(residual) / scale, frame_motions(T - T.mean(axis=0))[:, :c] / scale[:, None]
     centred = y - y.mean(axis=0)
     first = centred @ np.linalg.svd(centred, full_matrices=False)[2][0] > 0.0
-    for _ in range(SWEEPS):
+    for _ in range(GROUP_SWEEPS):
         off = [_left_by(F, y, group)[0] for group in (first, ~first)]
         now = (off[0] ** 2).sum(axis=1) < (off[1] ** 2).sum(axis=1)
         if (now == first).all():
@@ -115,12 +214,12 @@ def with_one_measurement(found: Conclusion, hypotheses: HypothesisSet, dataset: 
     if found.doubts:
         return found
     instrument = dataset.instrument
-    sigma = (instrument.position_sigma or USUAL[0], instrument.orientation_sigma or USUAL[1])
+    sigma = (instrument.position_sigma or USUAL_SIGMAS[0], instrument.orientation_sigma or USUAL_SIGMAS[1])
     groups = two_groups(hypotheses.design, left_over(hypotheses, found.model)[0], sigma, hypotheses.priors)
     if groups is None:
         return found
     lines = np.sort(dataset.row[groups.smaller])
-    shown = ", ".join(str(line) for line in lines[:SHOWN])
+    shown = ", ".join(str(line) for line in lines[:LISTED_ROWS])
     warn(
         f"the rows fall into two groups that differ by one motion of {1e3 * groups.apart:.2g} mm: {len(lines)} rows "
         f"({shown}, ...) against {len(groups.smaller) - len(lines)}: two machines, two set-ups of the instrument, a zero that "
@@ -136,13 +235,13 @@ def _left_by(F: Floats, y: Floats, group: Mask) -> tuple[Floats, Floats]:
     return y - F @ motion, motion
 
 
-WIDTHS = np.linspace(0.3, 2.0, 18)
+HALF_DISTANCES = np.linspace(0.3, 2.0, 18)
 """Half distances of the two values that are tried, in units of the errors' standard deviation."""
-REST = np.linspace(0.0, 1.0, 9)
+SCATTERS = np.linspace(0.0, 1.0, 9)
 """Standard deviations about each value, beyond the instrument's noise, that are tried, in the same units."""
 SINGULAR = 1e12
 """Condition number above which the errors of the drives can't be distinguished."""
-SHARES = (0.3, 0.5, 0.7)
+LARGER_SHARES = (0.3, 0.5, 0.7)
 """Shares of the rows with the larger value, that are tried."""
 
 
@@ -215,11 +314,11 @@ def two_values(errors: Floats, variance: Floats) -> float:
         return float(0.5 * (np.log(total) + e**2 / total).sum())
 
     single = -float(minimize_scalar(one, bounds=(0.0, 2.0), method="bounded").fun)
-    total = v + REST[:, None] ** 2  # (r, N)
+    total = v + SCATTERS[:, None] ** 2  # (r, N)
     best = -np.inf
-    for share in SHARES:
+    for share in LARGER_SHARES:
         # Two values with the mean 0.
-        places = [2.0 * (1.0 - share) * WIDTHS, -2.0 * share * WIDTHS]
+        places = [2.0 * (1.0 - share) * HALF_DISTANCES, -2.0 * share * HALF_DISTANCES]
         logs = [
             np.log(part) - 0.5 * (np.log(total) + (e - place[:, None, None]) ** 2 / total)
             for part, place in zip((share, 1.0 - share), places, strict=True)
@@ -248,3 +347,96 @@ def hidden_in_scatter(
         for hypothesis in untestable
         if any(_MOVES.fullmatch(name) and name in at.unusable for name in hypothesis.covariates(at.robot))
     )
+
+
+def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask]) -> Conclusion:
+    """The conclusion; where all causes together do not make the errors of left-out poses smaller: without causes, with a doubt.
+
+    Errors are smaller where the product of two ratios is below 1, those of the mean squares of positions and of measured
+    orientations: a wrist rotates the tool and hardly shifts it. The model that users get has no smooth terms, so none is here.
+
+    ``blocks``: (N,) masks of the poses left out together, a partition.
+    """
+    if not found.classes:
+        return found
+    nothing = np.zeros((len(hypotheses.design.y), 0))
+    alone, whole = (leave_out(hypotheses.design, some, blocks) for some in (nothing, hypotheses.columns(found.model)))
+    compared = [(alone.errors, whole.errors)] + [(alone.turned, whole.turned)] * bool(alone.turned.size)
+    if np.prod([(after**2).sum() / (before**2).sum() for before, after in compared]) < 1.0:
+        return found
+    return found.only(hypotheses, []).doubted(Doubt("held_out"))
+
+
+def held_out(
+    found: Conclusion, hypotheses: HypothesisSet, whole: Gap, observed: Observed, shown: ShownNoise
+) -> Conclusion:
+    """The conclusion, with a doubt where residuals and errors on left-out poses are larger than noise.
+
+    Beside causes, the errors may exceed noise by a small share of the gap, since no cause follows its equation exactly: of
+    the gap of positions on left-out poses, or of all that was measured, in units of noise. A wrist rotates the tool and hardly
+    shifts it.
+
+    Noise is what was declared or what repeated visits show. Nothing can exceed noise that is assumed from the residuals.
+    Without causes the repeatability is the largest that the visits allow; beside causes it is the likeliest, else what the
+    causes do not explain would pass for it.
+
+    ``whole``: the gap on left-out poses with all causes.
+    """
+    if found.doubts or shown.source == "residuals":
+        return found
+    priors, silent = hypotheses.priors, found.verdict == "none"
+    if silent and shown.contradicted:
+        return found.doubted(Doubt("visits"))
+    noise = shown.most if silent else shown.noise
+    size, chance, part = shown.excess(noise, observed, hypotheses, found.model)
+    allowed = float(floor_of(noise, hypotheses.design).mean() / shown.floor(hypotheses.design).mean())
+    before, after, floor = whole.before**2, whole.after**2, allowed * whole.floor**2
+    far = after > priors.silent**2 * floor
+    if not silent:
+        far = after - floor > priors.core_leaves * (before - floor)
+        far &= shown.share_left(observed, hypotheses, found.model) > priors.core_leaves
+    if chance <= priors.chance and (far or (silent and size > priors.excess)):
+        # Something acts that no effect describes: a smooth term may as well be in the place of a certain cause.
+        model = found.whole(hypotheses)
+        again = {cause: contenders(hypotheses, model, cause, unlisted=True) for cause in found.sure()}
+        doubt = Doubt("part", part) if part else Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out")
+        return replace(found, classes={**found.classes, **again}).doubted(doubt)
+    return found
+
+
+def questions(found: Conclusion, causes: Iterable[Cause], priors: Priors) -> list[Question]:
+    """Compare parameters of causes with the ranges that their effects state as plausible and usual.
+
+    A cause with an impossible parameter is not named; with an unusual one it is (``believed``). The impossible ones come first.
+    """
+    effects, asked = {hypothesis.place: hypothesis.effect for hypothesis in found.classes}, list[Question]()
+    for cause in causes:
+        effect = effects[cause.effect, cause.site]
+        for ranges, believed in ((effect.plausible, False), (effect.expected_range, True)):
+            before = len(asked)
+            for name, own in ranges.items():
+                if name not in cause.parameters:
+                    continue
+                e = cause.parameters[name]
+                reach = priors.implausible * e.sigma
+                if not (own.low <= e.value + reach and e.value - reach <= own.high):
+                    place = cause.effect, cause.site, name
+                    asked.append(Question(*place, e.value, e.sigma, e.unit, own.low, own.high, own.why, believed))
+            if len(asked) > before:
+                break
+    return sorted(asked, key=lambda question: question.believed)
+
+
+def without_impossible(
+    hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[Question], sure: Collection[tuple[str, str]]
+) -> Conclusion:
+    """The conclusion without impossible causes, with a doubt: an unknown cause looks like them.
+
+    ``sure``: effects and sites that a search without the impossible causes names with confidence. Other causes are not named:
+    they may explain the data only together with an impossible one.
+    """
+    places = {(q.effect, q.site) for q in asked}
+    wrong = next(cause for cause in found.classes if cause.place == (asked[0].effect, asked[0].site))
+    over = tuple(sorted(wrong.drivers(hypotheses.design.operating_points.robot)))
+    kept = found.only(hypotheses, [cause for cause in found.classes if cause.place in {*sure} - places])
+    return kept.doubted(Doubt("impossible", wrong.site, over))

@@ -3,34 +3,46 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from gtpin.diagnosis.classes import ranked
-from gtpin.diagnosis.discrimination import RIVALS, CauseClass, discriminate
-from gtpin.diagnosis.experiment import Experiment, Visits
-from gtpin.diagnosis.findings import Cause, Conclusion
+from gtpin.diagnosis.discrimination import (
+    LEAST_EXPECTED,
+    RIVALS,
+    CauseClass,
+    Prediction,
+    best_rows,
+    chosen,
+    concerns,
+    discriminate,
+    expected_gain,
+    other_causes,
+)
+from gtpin.diagnosis.hypothesis import Hypothesis
 from gtpin.diagnosis.hypothesis_set import HypothesisSet, Untested
-from gtpin.diagnosis.make_testable import make_testable
-from gtpin.diagnosis.measurement_conditions import kind, levels, numbers
 from gtpin.diagnosis.priors import SURE
-from gtpin.diagnosis.trials import RESOLUTION, Known
-from gtpin.effects.operating_points import Column
+from gtpin.diagnosis.result import Cause, Experiment, Lacking, Visits
+from gtpin.diagnosis.trials import FORCES, HEAVIER, RESOLUTION, Known, Trials, kind, levels, numbers, possible
+from gtpin.diagnosis.verdict import Conclusion
+from gtpin.effects.operating_points import Column, OperatingPoints
+from gtpin.effects.untestable import as_untestable
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 POSES = 20
 """Poses of an experiment: about ten minutes of work."""
-LARGEST = 2000
+MOST_MEASURED = 2000
 """Most measured poses that are used. Of more, a random part is used, so that the expected gains are a little too small."""
-CLASSES = 3
+MOST_CLASSES = 3
 """Most classes for which an experiment is proposed, those of the largest causes."""
 STATIONS = 5
 """Number of poses, far from each other, that are visited repeatedly."""
-AGAIN = 10
+REPEATED_POSES = 10
 """Number of poses that are visited twice more, to measure the noise: twenty visits determine a sigma to some 10 %."""
-FINE = 60
+LINE_COMMANDS = 60
 """Number of commands at which the range of one actuator alone is checked."""
 
 
@@ -73,14 +85,14 @@ def plan(
     the same plan. ``poses``: number of poses of each experiment.
     """
     count = len(known.observed.weight)
-    if count > LARGEST:
-        known = replace(known, observed=known.observed.take(rng.choice(count, LARGEST, replace=False)))
-    open_ = [i for i, s in enumerate(classes) if len(s.members) > 1 or s.members[0][1] < SURE][:CLASSES]
+    if count > MOST_MEASURED:
+        known = replace(known, observed=known.observed.take(rng.choice(count, MOST_MEASURED, replace=False)))
+    open_ = [i for i, s in enumerate(classes) if len(s.members) > 1 or s.members[0][1] < SURE][:MOST_CLASSES]
     found = [discriminate(known, classes, i, poses, rng) for i in open_]
     if unknown is not None:
         found.append(map_unknown(known, *unknown, poses))
     if unseen_noise:  # visits to some of the measured poses again show which part of the residuals is noise
-        stations = _apart(known, min(AGAIN, len(known.observed.measured.q)))
+        stations = _apart(known, min(REPEATED_POSES, len(known.observed.measured.q)))
         visits = Visits("", "", "again", stations=len(stations))
         found.append(Experiment("map_unknown", known.robot, (), np.tile(stations, (2, 1)), visits=visits))
     return (*found, *make_testable(known, classes, untestable, poses, rng))
@@ -135,14 +147,14 @@ def _covariates(known: Known, word: str) -> list[str]:
 def _line(known: Known, start: Floats, actuator: int, count: int) -> Floats:
     """(count, n) commands that differ in one actuator's command only, over the range of the measured poses."""
     measured = known.observed.measured.q[:, actuator]
-    commands = np.tile(start, (FINE, 1))
-    commands[:, actuator] = np.linspace(measured.min(), measured.max(), FINE)
+    commands = np.tile(start, (LINE_COMMANDS, 1))
+    commands[:, actuator] = np.linspace(measured.min(), measured.max(), LINE_COMMANDS)
     poses, before = known.model.kinematics.forward(commands), known.operating_points.poses.T
     inside = poses.reached & ((before.min(axis=0) <= poses.T) & (before.max(axis=0) >= poses.T)).all(axis=1)
     nearest = int(np.abs(commands[:, actuator] - start[actuator]).argmin())
     barred = np.flatnonzero(~inside)
     low = max((int(i) + 1 for i in barred if i < nearest), default=0)
-    high = min((int(i) - 1 for i in barred if i > nearest), default=FINE - 1)
+    high = min((int(i) - 1 for i in barred if i > nearest), default=LINE_COMMANDS - 1)
     line = np.tile(start, (count, 1))
     line[:, actuator] = np.linspace(commands[low, actuator], commands[high, actuator], count)
     return np.asarray(np.round(line / RESOLUTION) * RESOLUTION)
@@ -158,3 +170,124 @@ def _apart(known: Known, count: int) -> Floats:
         rows.append(int(distance.argmax()))
         distance = np.minimum(distance, np.linalg.norm(q - q[rows[-1]], axis=1))
     return q[rows]
+
+
+TESTABLE_ROWS = 48
+"""Number of random rows from which the most informative are chosen."""
+SHOWN_EFFECTS = 2
+"""Number of effects of a group for which poses are chosen; the others can then be tested too."""
+MOST_SHOWING_POSES = 12
+"""Most poses of an experiment: fewer are needed to show an effect than to distinguish it from another."""
+ROUNDING = 1e-9
+"""Change of a reading by an effect of typical size, in sigmas of the reading, below which it is a rounding error."""
+EFFORTS = (1.0, 4.0, 12.0)
+"""Multiples of the assumed largest loads that are tried; the smallest at which most effects can be tested is proposed."""
+CARRIED = 0.16
+"""Payload that any arm carries, over the mass of its moving links: the smallest ratio of 5 kg / 18 kg (UR5), 10 / 29 (UR10)
+and 3 / 18 (Panda), from their makers' data sheets."""
+
+
+def make_testable(
+    known: Known, classes: Sequence[CauseClass], untestable: Sequence[Untested], poses: int, rng: np.random.Generator
+) -> list[Experiment]:
+    """An experiment for each reason why effects are untestable; the largest expected gain first, those without poses last.
+
+    There is none for an effect that never changes a reading of these instruments: encoders at joints, for example, do not
+    depend on the measurement frame.
+    """
+    found = [
+        experiment
+        for members, lacking in _groups(known.operating_points, untestable)
+        for experiment in _experiments(members, lacking, known, classes, min(poses, MOST_SHOWING_POSES), rng)
+    ]
+    return sorted(found, key=lambda e: -(e.expected_gain or 0.0) if len(e.poses) else 1.0)
+
+
+def _groups(at: OperatingPoints, untestable: Sequence[Untested]) -> Iterator[tuple[list[Hypothesis], Lacking]]:
+    """Effects that the same remedy would make testable, and what they lack."""
+    groups: dict[tuple[object, bool], list[tuple[Untested, list[str]]]] = {}
+    for row in untestable:
+        effect, site = row.hypothesis.effect, row.hypothesis.site
+        lacking = [name for name in effect.covariates(at.robot, site) if not at.varies(name)]
+        remedy = tuple(sorted({kind(name) for name in lacking})) or as_untestable(effect.untestable(at, site))
+        missing = any(name not in at.covariates for name in lacking)
+        groups.setdefault((remedy, missing), []).append((row, lacking))
+    for (_, missing), members in groups.items():
+        covariates = tuple(sorted({name for _, names in members for name in names}))
+        yield [row.hypothesis for row, _ in members], Lacking(covariates, missing, members[0][0].reason)
+
+
+def _experiments(
+    members: list[Hypothesis],
+    lacking: Lacking,
+    known: Known,
+    classes: Sequence[CauseClass],
+    poses: int,
+    rng: np.random.Generator,
+) -> Iterator[Experiment]:
+    """The poses that show a group's effects, and what to do about those that no poses make testable."""
+    robot = known.robot
+    words = set(lacking.covariates) or {word for member in members for word in concerns(member, robot)}
+    if "load" in words:
+        words |= set(FORCES)
+    tried = [
+        possible(known, words, TESTABLE_ROWS, rng, effort)
+        for effort in (_efforts(robot) if "load" in words else (1.0,))
+    ]
+    hidden = members = [member for member in members if _is_read(member, tried[0])]
+    for trials in sorted(tried, key=lambda t: -len(_testable(members, t))):
+        shown = _testable(members, trials)
+        if not shown:
+            break
+        others = other_causes(trials, classes, words)
+        predictions = [Prediction.of(trials, others)]
+        for hypothesis in shown[:SHOWN_EFFECTS]:
+            X = trials.design.columns(hypothesis.basis(trials.design.operating_points))
+            if lacking.missing:
+                # The missing covariate is not known at the measured rows, so neither is the effect there.
+                X[trials.old] = 0.0
+            predictions.append(Prediction.of(trials, np.hstack([others, X])))
+        pairs = [(i, 0, 1.0) for i in range(1, len(predictions))]
+        if expected_gain(predictions, pairs, np.arange(min(poses, len(trials)))) < LEAST_EXPECTED:
+            continue
+        rows, gain, random = best_rows(trials, predictions, pairs, poses, rng)
+        effects, set_too = tuple(hypothesis.place for hypothesis in shown), chosen(trials, rows, words)
+        told = (effects, trials.q[rows], set_too, gain, random, known.observed.temperature)
+        yield Experiment("make_testable", robot, *told, lacking=lacking)
+        hidden = [member for member in members if member not in shown]
+        break
+    if hidden:
+        effects, none = tuple(hypothesis.place for hypothesis in hidden), np.zeros((0, robot.n_actuators))
+        watch = tuple(site for _, site in effects)
+        yield Experiment("make_testable", robot, effects, none, watch=watch, lacking=lacking)
+
+
+def _testable(members: Sequence[Hypothesis], trials: Trials) -> list[Hypothesis]:
+    """The members that measured and further rows together make testable, one of each effect first."""
+    at = trials.design.operating_points
+    able = [c for c in members if not c.effect.has_nonlinear and not c.effect.untestable(at, c.site)]
+    seen = [sum(o.effect.id == c.effect.id for o in able[:i]) for i, c in enumerate(able)]
+    return [able[i] for i in np.argsort(seen, kind="stable")]
+
+
+def _is_read(hypothesis: Hypothesis, trials: Trials) -> bool:
+    """Whether a hypothesis changes any measured or further number; True where that can't be computed."""
+    effect, site, at = hypothesis.effect, hypothesis.site, trials.design.operating_points
+    if any(name not in at.covariates for name in effect.covariates(at.robot, site)):
+        return True
+    try:
+        values = effect.nonlinear_values(at, site)
+        if effect.has_nonlinear and not len(values):
+            return True
+        basis = effect.basis(at, site, float(values[len(values) // 2]) if effect.has_nonlinear else None)
+    except Exception:  # a user's effect may fail in any way on covariates that nobody measured
+        return True
+    return bool(np.abs(trials.design.columns(basis)).max(initial=0.0) > ROUNDING)
+
+
+def _efforts(robot: Chain) -> tuple[float, ...]:
+    """Multiples of the assumed largest loads that are tried; for a robot without rods one, from its mass."""
+    if not robot.joint_sites:
+        return EFFORTS
+    mass = sum(float(robot.model.inertias[j].mass) for j in robot.moving_joints)
+    return (min(1.0, CARRIED * mass / HEAVIER),) if mass > 0.0 else (1.0,)

@@ -11,9 +11,8 @@ from itertools import combinations
 import numpy as np
 
 from gtpin.diagnosis.design import Design
-from gtpin.diagnosis.evidence import Groups, Marginal
+from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, all_gains
 from gtpin.diagnosis.hypothesis import CLOCK, Hypothesis
-from gtpin.diagnosis.posterior import NOTHING, all_gains
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.catalogue import OWN
 from gtpin.effects.operating_points import Column, OperatingPoints

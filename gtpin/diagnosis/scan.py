@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.diagnosis.design import Design
-from gtpin.diagnosis.evidence import Groups, best_scales
-from gtpin.diagnosis.posterior import Posterior
+from gtpin.diagnosis.evidence import Groups, Posterior, best_scales
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.effect import Effect
 from gtpin.typing import Floats
@@ -23,9 +22,9 @@ LIKELY = 0.2
 """All values are first compared by their cores alone; only values whose gain is at least this share of the largest are then
 computed with their modulation. Assumed: less than ``ALIKE``, as other maxima are compared, too; at their typical sizes
 modulations have at most 0.2 (periods) and 0.6 (steps) of the core's power."""
-KEPT = 12_000_000
+MOST_KEPT = 12_000_000
 """Most numbers in the displacements of all values that are kept between scans; and in their products with groups, likewise."""
-LEAST = -1e9
+NO_GAIN = -1e9
 """Gain of a value that is left out, and of a scan in which all are."""
 REFINED, REFINEMENTS = 19, 4
 """Number of values tried around the best of the scan, and number of repetitions, each on a grid of a third of the step."""
@@ -127,7 +126,7 @@ class Scan:
         for batch in self._batches:
             cores = self._displacements(batch)[:, self._core]
             found.append(self._products(cores))
-            if cores.size * len(self.values) <= KEPT * len(batch):
+            if cores.size * len(self.values) <= MOST_KEPT * len(batch):
                 kept.append(cores)
         halves = np.hstack([part.halves for part in found])
         grams, moments = (np.concatenate([getattr(part, name) for part in found]) for name in ("grams", "moments"))
@@ -149,7 +148,7 @@ class Scan:
             }
         used = {part: self._with_groups.pop(part) for part in dict.fromkeys(parts)}
         self._with_groups |= used  # the latest last
-        while sum(part.size for part in self._with_groups.values()) > KEPT and len(self._with_groups) > len(used):
+        while sum(part.size for part in self._with_groups.values()) > MOST_KEPT and len(self._with_groups) > len(used):
             del self._with_groups[next(iter(self._with_groups))]
         return np.hstack([used[part] for part in parts]).reshape(*self._cores[1].moments.shape, -1)
 
@@ -174,13 +173,13 @@ class Scan:
         """Best value given a model.
 
         ``model``: the model to which the effect is added. ``others``: values of the same cause that the model already has:
-        values that can't be distinguished from them are left out. Where no value is left, the gain is ``LEAST`` and the
+        values that can't be distinguished from them are left out. Where no value is left, the gain is ``NO_GAIN`` and the
         value means nothing.
         """
         gains, scales = self._all_gains(model, self._resolved(self.values, others))
         top = int(np.argmax(gains))
-        if gains[top] <= LEAST:
-            return BestValue(float(self.values[top]), 0.0, LEAST, float(scales[top]))
+        if gains[top] <= NO_GAIN:
+            return BestValue(float(self.values[top]), 0.0, NO_GAIN, float(scales[top]))
         # Settings that explain as well as the best one share its evidence: the prior is spread over all that were tried.
         trials = float(np.log(len(self.values)))
         together = float(np.logaddexp.reduce(gains)) - trials
@@ -193,7 +192,7 @@ class Scan:
 
     def near(self, model: Posterior[Any], value: float, others: Sequence[float] = ()) -> BestValue:
         """Best value given a model, within about one step of the scan from ``value``; ln(number of values) is taken off its
-        gain, which is less than ``LEAST`` where no value is left.
+        gain, which is less than ``NO_GAIN`` where no value is left.
 
         ``model``, ``others``: as in :meth:`best`.
         """
@@ -208,7 +207,7 @@ class Scan:
 
         def gains_at(values: Floats) -> tuple[Floats, Floats]:
             gains, scales = self._gains_at(values, model)
-            return np.where(self._resolved(values, others), gains, LEAST), scales
+            return np.where(self._resolved(values, others), gains, NO_GAIN), scales
 
         for _ in range(REFINEMENTS):
             finer = np.linspace(near.min(), near.max(), REFINED)
@@ -234,19 +233,19 @@ class Scan:
             return ()
         trials = float(np.log(len(gains)))
         least, found = max(ALIKE * float(gains[top]), trials), list(others)
-        left = np.where((gains >= least) & _peaks(gains), gains, LEAST)
+        left = np.where((gains >= least) & _peaks(gains), gains, NO_GAIN)
         result: list[tuple[float, float, float]] = []
-        left[top] = LEAST
+        left[top] = NO_GAIN
         found.append(float(self.values[top]))
         while True:
-            left = np.where(self._resolved(self.values, found), left, LEAST)
+            left = np.where(self._resolved(self.values, found), left, NO_GAIN)
             at = int(np.argmax(left))
             if left[at] < least:
                 return tuple(result)
             near = self.values[[max(at - 1, 0), min(at + 1, len(gains) - 1)]]
             found.append(float(self.values[at]))
             result.append((found[-1], float(np.ptp(near)), float(left[at]) - trials))
-            left[at] = LEAST
+            left[at] = NO_GAIN
 
     def _resolved(self, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:
         """(S,) which values an effect of a user's own or the catalogue distinguishes; never one that the model has already."""
@@ -254,15 +253,15 @@ class Scan:
         return np.asarray(found & ~np.isin(values, others))
 
     def _all_gains(self, model: Posterior[Any], wanted: npt.NDArray[np.bool_]) -> tuple[Floats, Floats]:
-        """(S,) gains of the values that are ``wanted``, ``LEAST`` for others and where the core gains little; and scales."""
+        """(S,) gains of the values that are ``wanted``, ``NO_GAIN`` for others and where the core gains little; and scales."""
         gains, scales = self._gains(self._cores[1], model, self._cores_across(model) if model.terms else None)
         if self._core == slice(None) or not wanted.any():
-            return np.where(wanted, gains, LEAST), scales
+            return np.where(wanted, gains, NO_GAIN), scales
         top = gains[wanted].max()
         likely = wanted & (gains >= min(LIKELY * top, top))
         likely[1:-1] |= likely[:-2] | likely[2:]
         some = np.flatnonzero(likely & wanted)
-        gains = np.full(len(gains), LEAST)
+        gains = np.full(len(gains), NO_GAIN)
         for batch in np.array_split(some, -(-len(some) // BATCH)):
             gains[batch], scales[batch] = self._gains_at(self.values[batch], model)
         return gains, scales

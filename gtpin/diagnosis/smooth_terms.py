@@ -30,7 +30,6 @@ from gtpin.typing import Floats
 Terms = Iterator[tuple[SmoothTerm, Displacement]]
 Functions = Iterator[tuple[tuple[str, ...], Floats, Floats]]
 """Coordinates, functions (N, m) of them, and the functions' sizes (m,)."""
-
 CONDITIONS = ("time", "temp_frame", "temp_link", "payload")
 ORDERS = {2: 5, 3: 4}
 """Largest sum of the orders in a product of cosines of all commands, by the number of actuators; with other numbers, 1."""

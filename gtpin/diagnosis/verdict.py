@@ -1,24 +1,134 @@
-"""The third step of a diagnosis, from evidence to a conclusion: which causes are named, and are smooth terms needed?"""
+"""From evidence to a conclusion: which causes are named, and whether something unknown is needed."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import betaincc, expit
+from scipy.special import expit
 
-from gtpin.diagnosis.classes import contenders, ranked, with_two_instead
-from gtpin.diagnosis.findings import Conclusion, Doubt
+from gtpin.diagnosis.classes import Contender, contenders, ranked, with_two_instead
+from gtpin.diagnosis.evidence import NOTHING, fixed, marginal_power, tuned, without
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, related, same_place
-from gtpin.diagnosis.hypothesis_set import Explanation, HypothesisSet, causes, smooth_terms
-from gtpin.diagnosis.noise import reestimate_noise, restless_drive
-from gtpin.diagnosis.posterior import NOTHING, tuned, without
-from gtpin.diagnosis.priors import SURE
+from gtpin.diagnosis.hypothesis_set import Explanation, Gain, HypothesisSet, Term, causes, scales, smooth_of
+from gtpin.diagnosis.noise import SearchState, reestimate_noise, restless_drive
+from gtpin.diagnosis.priors import SURE, UNDECIDED
 from gtpin.diagnosis.proxies import Proxy
-from gtpin.diagnosis.search import search
-from gtpin.diagnosis.settle import SearchState
-from gtpin.typing import Floats
+from gtpin.diagnosis.result import Considered, Doubt, FlexibleFamily, Member, Undecided, Verdict
+from gtpin.diagnosis.search import chance_lines, search
+from gtpin.effects.effect import Nature
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """The conclusion from the evidence: causes, their classes, and doubts.
+
+    ``model``: the causes that are named. ``classes``: for each cause its class with the cause itself, the most probable member
+    first. ``doubts``: reasons for which something unknown is assumed in addition to the causes. ``alone``: gain in log evidence
+    of every hypothesis and smooth term as the only one. ``beside``: the smooth terms that are needed beside the causes.
+    ``also``: those causes that are weak and undecided: they do not change the verdict. ``descriptions``: flexible families that
+    fit and are no causes. ``mechanisms``: places of the causes that are such families, but have a mechanism's form.
+    ``likely``: places of likely causes that are not named, because they could be the unknown themselves.
+    """
+
+    model: Explanation
+    classes: Mapping[Hypothesis, tuple[Contender, ...]]
+    doubts: tuple[Doubt, ...]
+    alone: Mapping[Term, Gain]
+    beside: Explanation = NOTHING
+    also: tuple[Hypothesis, ...] = ()
+    descriptions: tuple[FlexibleFamily, ...] = ()
+    mechanisms: frozenset[tuple[str, str]] = frozenset()
+    likely: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict: the first of ``unknown``, ``ambiguous``, ``explained`` and ``none`` that applies."""
+        if self.doubts:
+            return "unknown"
+        if len(self.sure()) < len(self.classes) - len(self.also):
+            return "ambiguous"
+        return "explained" if self.classes else "none"
+
+    @property
+    def scale(self) -> Mapping[Term, float]:
+        """Scale of each cause: its size over the typical size."""
+        return scales(self.model)
+
+    def whole(self, hypotheses: HypothesisSet) -> Explanation:
+        """The model of the causes with the smooth terms beside them."""
+        model, beside = self.model, self.beside
+        if not beside.terms:
+            return model
+        return fixed(hypotheses.groups, (*model.terms, *beside.terms), (*model.scale, *beside.scale))
+
+    def doubted(self, *doubts: Doubt) -> Conclusion:
+        """The conclusion with further doubts."""
+        return replace(self, doubts=(*self.doubts, *doubts))
+
+    def only(self, hypotheses: HypothesisSet, causes: list[Hypothesis]) -> Conclusion:
+        """The conclusion with only some of its causes."""
+        classes = {cause: self.classes[cause] for cause in causes}
+        return replace(self, model=hypotheses.only(self.model, causes), classes=classes)
+
+    def named_beside_unknown(self, hypotheses: HypothesisSet) -> Conclusion:
+        """The conclusion with only the causes that stand beside something unknown, and with what is weak and undecided.
+
+        Of the others, the leader of a class is likely where it has 0.5 or more.
+        """
+        kept = [cause for cause in self.classes if cause in {*self.beside_unknown(), *self.also}]
+        leaders = [members[0] for cause, members in self.classes.items() if cause not in kept]
+        if not leaders:
+            return self
+        likely = (m.hypothesis.place for m in leaders if m.probability >= UNDECIDED)
+        return replace(self.only(hypotheses, kept), likely=(*self.likely, *likely))
+
+    def nature(self, cause: Hypothesis) -> Nature:
+        """The nature of a cause: a flexible family is a mechanism only where its form was found to be one."""
+        return "mechanism" if cause.place in self.mechanisms else cause.effect.nature
+
+    def members(self, cause: Hypothesis) -> tuple[Member, ...]:
+        """The class of a cause, as it is reported."""
+        return tuple(
+            Member(*m.hypothesis.place, m.probability, m.recorded, m.beside.place if m.beside else None)
+            for m in self.classes[cause]
+        )
+
+    def sure(self) -> list[Hypothesis]:
+        """Causes that lead their class with a probability of 0.95 or more."""
+        return [
+            cause
+            for cause, members in self.classes.items()
+            if members[0].hypothesis.place == cause.place and members[0].probability >= SURE
+        ]
+
+    def beside_unknown(self) -> list[Hypothesis]:
+        """Causes that stand beside something unknown: they lead their class with 0.5 or more."""
+        return [
+            cause
+            for cause, members in self.classes.items()
+            if members[0].hypothesis.place == cause.place and members[0].probability >= UNDECIDED
+        ]
+
+
+def considered(
+    hypotheses: HypothesisSet, found: Conclusion, could_be: Collection[tuple[str, str]] = ()
+) -> tuple[Considered, ...]:
+    """All hypotheses that were tested, the largest gain in log evidence first, then those that could not be tested."""
+    members = [m for contenders in found.classes.values() for m in contenders]
+    probability = {m.hypothesis.place: m.probability for m in members}
+    asked = {m.hypothesis.place for m in members if not m.recorded} | set(could_be)
+    reason = {p.hypothesis.place: p.reason for p in hypotheses.proxies if p.hypothesis.place in asked}
+    tested = [
+        Considered(*h.place, found.alone[h].value, probability.get(h.place, 0.0), True, reason.get(h.place))
+        for h in hypotheses.named
+    ]
+    others = [
+        Considered(*u.hypothesis.place, 0.0, probability.get(u.hypothesis.place, 0.0), False, u.reason)
+        for u in hypotheses.untested
+    ]
+    return (*sorted(tested, key=lambda row: -row.log_evidence), *others)
 
 
 def infer(settled: SearchState, barred: Collection[tuple[str, str]] = ()) -> Conclusion:
@@ -33,7 +143,7 @@ def infer(settled: SearchState, barred: Collection[tuple[str, str]] = ()) -> Con
         allowed, guess = hypotheses.barring(out) if out else hypotheses, settled.guess
         guess = allowed.only(guess, [t for t in guess.terms if getattr(t, "place", None) not in out]) if out else guess
         found = decide(allowed, guess)
-        if not (by_chance := chance_lines(hypotheses, found)):
+        if not (by_chance := chance_lines(hypotheses, found.model)):
             break
         scattered |= {cause.place for cause in by_chance}
     found = replace(found, alone=hypotheses.gains(NOTHING, hypotheses.every))
@@ -60,7 +170,7 @@ def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusio
     start = guess if hypotheses.long else NOTHING
     named = search(hypotheses, hypotheses.named, alone, start=hypotheses.only(start, causes(start)))
     mixed = search(hypotheses, hypotheses.every, alone, start=start)
-    needed = smooth_terms(mixed)
+    needed = smooth_of(mixed)
     if needed and _unknown(hypotheses, mixed, named) > 0.5:
         named = hypotheses.only(mixed, (*_apart(hypotheses, mixed), *needed))
     elif needed := _replacing(hypotheses, named):
@@ -72,7 +182,7 @@ def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusio
     instead: list[tuple[str, str]] = []
     for cause in [cause for cause, members in classes.items() if cause.further and members[0].probability >= SURE]:
         if (replaced := _without_lines(hypotheses, named, cause)) is not None:
-            named, needed = replaced, smooth_terms(replaced)
+            named, needed = replaced, smooth_of(replaced)
             instead.append(cause.place)
             del classes[cause]
     if not needed:  # where something is unknown, the second of two would explain that, not what the cause explains
@@ -87,7 +197,7 @@ def _unknown(hypotheses: HypothesisSet, mixed: Explanation, named: Explanation) 
     """Probability of the model with smooth terms, as opposed to the one without."""
     priors = hypotheses.priors
     known = hypotheses.only(mixed, causes(mixed))
-    modulation = all(hypotheses.modulates(smooth, named) for smooth in smooth_terms(mixed))
+    modulation = all(hypotheses.modulates(smooth, named) for smooth in smooth_of(mixed))
     doubt = (priors.modulation if modulation else priors.departure) * (mixed.log_evidence - known.log_evidence)
     ahead = hypotheses.log_posterior(mixed) - hypotheses.log_posterior(named) - doubt
     return float(expit(ahead / priors.heat(named.log_evidence)))
@@ -127,7 +237,7 @@ def _apart(hypotheses: HypothesisSet, model: Explanation) -> tuple[Hypothesis, .
     costs, sure = hypotheses.costs(model.terms), []
     loss = {t: model.log_evidence - without(hypotheses.groups, model, t).log_evidence for t in model.terms}
     for cause in causes(model):
-        like = [loss[term] for term in smooth_terms(model) if _alike(hypotheses, cause, (term,))]
+        like = [loss[term] for term in smooth_of(model) if _alike(hypotheses, cause, (term,))]
         if loss[cause] > max(2.0 * costs[cause], *like, 0.0):
             sure.append(cause)
     return tuple(sure)
@@ -179,100 +289,32 @@ def _redundant(
     return with_other - alone < hypotheses.costs(named.terms)[other]
 
 
-SEEN = 1e-6
-"""Smallest whitened motion by a drive, relative to the largest, of a row that shows the drive: it avoids a division by 0."""
+def without_undecided(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
+    """The conclusion that tells apart what is weak and undecided, where other causes are named."""
+    small = tuple(
+        cause
+        for cause, members in found.classes.items()
+        if members[0].probability < UNDECIDED and weak(hypotheses, found.model, cause)
+    )
+    return replace(found, also=small) if len(small) < len(found.classes) else found
 
 
-def chance_lines(hypotheses: HypothesisSet, found: Conclusion) -> tuple[Hypothesis, ...]:
-    """The periodic errors of a conclusion of which no line is significant against the scatter of its drive.
-
-    A search compares a line with noise. Where an unknown error of a drive is larger than noise and has no period, many periods
-    gain evidence, because each fits a part of it by chance. Here a line is compared with all that is left without it.
-    """
-    lines = [c for c in causes(found.model) if c.effect.of_own_command and c.effect.most_values > 1 and c.values]
-    if not lines:
-        return ()
-    most = hypotheses.priors.chance_line
-    return tuple(c for c in lines if FittedLines.of(hypotheses, found.model, c).chance() > most)
+def undecided(hypotheses: HypothesisSet, found: Conclusion) -> tuple[Undecided, ...]:
+    """What is weak and undecided, as it is reported."""
+    return tuple(Undecided(c.site, size(hypotheses, found.model, c), found.members(c)) for c in found.also)
 
 
-@dataclass(frozen=True)
-class FittedLines:
-    """Errors of one drive at its different commands, and the lines that were fitted to them.
+def weak(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> bool:
+    """Whether a cause explains only a small part of the chi-square beyond noise that the geometry leaves."""
+    less = without(hypotheses.groups, model, cause, sweeps=1)
+    own = marginal_power(hypotheses.groups, less) - marginal_power(hypotheses.groups, model)
+    return own < hypotheses.priors.weak * (hypotheses.groups.power - hypotheses.design.dof)
 
-    ``errors``, ``variance``: (n,) errors that the geometry and the other causes leave, m or rad: the mean of the visits of a
-    command; and their variance by the noise. ``lines``: for each line its (n, p) deviations of the travel less what the
-    geometry and the other causes fit of them, m or rad. ``tried``: number of periods that were tried.
-    ``effective_parameters``: effective number of the errors that the geometry and the other causes fit: this many are
-    missing in what is left.
-    """
 
-    errors: Floats
-    variance: Floats
-    lines: tuple[Floats, ...]
-    tried: int
-    effective_parameters: float = 0.0
-
-    @staticmethod
-    def of(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> FittedLines:
-        """The errors of a drive that the geometry and a model without one periodic error leave, and the lines of this error.
-
-        What the geometry and the other causes fit of the lines is subtracted. Flexible causes of the drive fit scatter, too;
-        without the subtraction, less scatter would be left, and the lines would look significant.
-        """
-        design = hypotheses.design
-        along = design.by_command[:, :, design.operating_points.robot.sites.index(cause.site)]
-        information = np.einsum("nc,nc->n", along, along)
-        shown = information > SEEN**2 * information.max()
-        along, information = along[shown], information[shown]
-
-        def moved(columns: Floats) -> Floats:
-            return np.asarray(np.einsum("nc,ncm->nm", along, columns.reshape(len(shown), design.components, -1)[shown]))
-
-        others, prior = design.beside(hypotheses.columns(hypotheses.only(model, set(model.terms) - {cause})))
-        normal = others.T @ others + np.diag(prior)
-        whole = np.column_stack([design.y, hypotheses.groups.columns(cause)])
-        left = moved(whole - others @ np.linalg.solve(normal, others.T @ whole))
-        fitted = moved(others) / np.sqrt(information)[:, None]
-        # I - H of independent errors, H the fit's hat matrix, has tr (I - H)^2 degrees of freedom; this one has H's traces.
-        hat = np.linalg.solve(normal, fitted.T @ fitted)
-        same = np.unique(design.operating_points.q[shown], axis=0, return_inverse=True)[1].ravel()
-        total = np.bincount(same, information)
-        left = np.stack([np.bincount(same, column) for column in left.T], axis=1) / total[:, None]
-        return FittedLines(
-            errors=left[:, 0],
-            variance=1.0 / total,
-            lines=tuple(np.split(left[:, 1:], len(cause.values), axis=1)),
-            tried=len(cause.effect.nonlinear_values(design.operating_points, cause.site)),
-            effective_parameters=float(2.0 * np.trace(hat) - np.einsum("ij,ji->", hat, hat)),
-        )
-
-    def chance(self) -> float:
-        """Upper bound of the probability that scatter without a period shows a line as significant as the best one.
-
-        The lines are fitted one after the other, the strongest first; what is left without the line is noise of known variance
-        and scatter of the drive, whose variance is estimated. Of n such errors, less those that other causes fit, p columns
-        take a share of the power with a beta distribution, of parameters p/2 and (n - p)/2. The best of all periods that were
-        tried takes a larger share than this with at most their number times the probability (Bonferroni). The k-th test of a
-        line has the share 1 / (k (k + 1)) of the whole probability.
-        """
-        residual, open_, least = self.errors, list(self.lines), 1.0
-        freedom = len(self.errors) - self.effective_parameters
-        for tested in range(1, len(self.lines) + 1):
-            if freedom <= 1.0:
-                break
-            scatter = max(float((residual**2).sum()) / freedom - float(self.variance.mean()), 0.0)
-            root = 1.0 / np.sqrt(self.variance + scatter)
-            whole = float(((residual * root) ** 2).sum())
-            fits = [X @ np.linalg.lstsq(X * root[:, None], residual * root, rcond=None)[0] for X in open_]
-            powers = [float((((residual - fit) * root) ** 2).sum()) for fit in fits]
-            best = int(np.argmin(powers))
-            width = open_.pop(best).shape[1]
-            if freedom <= width + 1.0 or whole == 0.0:
-                break
-            share = min(max(1.0 - powers[best] / whole, 0.0), 1.0)
-            least = min(
-                least, float(betaincc(width / 2.0, (freedom - width) / 2.0, share)) * self.tried * tested * (tested + 1)
-            )
-            residual, freedom = residual - fits[best], freedom - width
-        return least
+def size(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> float:
+    """Root mean square of the TCP's displacement by a cause over the poses of the search, m."""
+    at = hypotheses.design.operating_points
+    start = sum(model.widths[: model.terms.index(cause)])
+    basis = cause.basis(at)
+    moved = basis.displacement(at)[:, :3] @ (basis.sigma * model.mean[start : start + len(basis)])
+    return float(np.sqrt((moved**2).sum(axis=1).mean()))

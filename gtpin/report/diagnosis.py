@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 from rich.console import Console, Group, RenderableType
 
-from gtpin.diagnosis.findings import Cause
-from gtpin.diagnosis.result import Diagnosis, HealthCheck
+from gtpin.diagnosis.result import Cause, Diagnosis, HealthCheck
 from gtpin.errors import GtpinError
 from gtpin.model.model import Model
 from gtpin.model.model_folder import write_model

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from gtpin.diagnosis.findings import Cause, Doubt, Member
-from gtpin.diagnosis.result import Findings
+from gtpin.diagnosis.result import Cause, Doubt, Findings, Member
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.effect import ChainWords, Effect
 from gtpin.effects.sites import joints, tracks

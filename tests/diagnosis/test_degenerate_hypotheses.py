@@ -13,12 +13,11 @@ from scipy.stats import multivariate_normal
 import gtpin
 from gtpin.diagnosis.classes import contenders
 from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope, SmoothTerm
 from gtpin.diagnosis.hypothesis_set import Explanation, HypothesisSet, causes, scales
-from gtpin.diagnosis.lines import settled
-from gtpin.diagnosis.posterior import NOTHING
 from gtpin.diagnosis.priors import PRIORS
-from gtpin.diagnosis.search import search
+from gtpin.diagnosis.search import search, settled
 from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import Effect
 from gtpin.effects.operating_points import OperatingPoints

@@ -8,11 +8,11 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import simulate
-from gtpin.diagnosis import classes as rules
-from gtpin.diagnosis.classes import without_undecided
-from gtpin.diagnosis.findings import Conclusion, Contender
+from gtpin.diagnosis import verdict as rules
+from gtpin.diagnosis.classes import Contender
+from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.hypothesis import Hypothesis
-from gtpin.diagnosis.posterior import NOTHING
+from gtpin.diagnosis.verdict import Conclusion, without_undecided
 from gtpin.effects.catalogue import catalogue, effect_of
 from gtpin.typing import Floats
 

@@ -12,16 +12,16 @@ from linear_problems import every_effect
 import gtpin
 from gtpin.bench.simulator import make_case, simulate
 from gtpin.data import Dataset
-from gtpin.diagnosis import fit, predictive
+from gtpin.diagnosis import diagnose, doubts
+from gtpin.diagnosis.classes import Contender
 from gtpin.diagnosis.design import Observed
-from gtpin.diagnosis.findings import Conclusion, Contender
+from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.gap import leave_out
 from gtpin.diagnosis.hypothesis import Hypothesis
-from gtpin.diagnosis.posterior import NOTHING
+from gtpin.diagnosis.hypothesis_set import propose
 from gtpin.diagnosis.priors import PRIORS
-from gtpin.diagnosis.propose import propose
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.diagnosis.verdict import decide
+from gtpin.diagnosis.verdict import Conclusion, decide
 from gtpin.errors import ConvergenceError
 from gtpin.output.shown import present
 from gtpin.report.verdict import verdict
@@ -125,22 +125,22 @@ def test_causes_must_make_left_out_positions_and_orientations_together_better(
             return alone
         return replace(alone, errors=nearer * alone.errors, turned=straighter * alone.turned)
 
-    monkeypatch.setattr(predictive, "leave_out", left)
-    after = predictive.with_smaller_errors(hypotheses, found, [])
+    monkeypatch.setattr(doubts, "leave_out", left)
+    after = doubts.with_smaller_errors(hypotheses, found, [])
     assert bool(after.classes) == kept
     assert [doubt.reason for doubt in after.doubts] == ([] if kept else ["held_out"])
 
 
 @pytest.mark.slow
 def test_causes_with_which_the_fit_does_not_converge_are_not_named_and_end_no_diagnosis(monkeypatch):
-    solve = fit.fit_together
+    solve = diagnose.fit_together
 
     def to_first_order_only(observed, start, causes, *others):
         if causes:
             raise ConvergenceError("the fit has not converged")
         return solve(observed, start, causes, *others)
 
-    monkeypatch.setattr(fit, "fit_together", to_first_order_only)
+    monkeypatch.setattr(diagnose, "fit_together", to_first_order_only)
     found = quietly(gtpin.diagnose, machine(2, "backlash").dataset)
     assert (found.verdict, found.causes) == ("unknown", ())
     assert [doubt.reason for doubt in found.doubts] == ["held_out"]
@@ -166,7 +166,7 @@ def test_what_causes_leave_is_compared_with_the_likeliest_noise_and_silence_with
 ):
     """``left``: of all that was measured; of the positions it is a fifth."""
     sizes = {"likeliest": 1.0, "largest": 1.4}
-    monkeypatch.setattr(fit, "floor_of", lambda noise, design: np.array([sizes[noise] ** 2]))
+    monkeypatch.setattr(doubts, "floor_of", lambda noise, design: np.array([sizes[noise] ** 2]))
     shown = SimpleNamespace(
         source="declared",
         contradicted=False,
@@ -180,7 +180,7 @@ def test_what_causes_leave_is_compared_with_the_likeliest_noise_and_silence_with
     cause = Hypothesis(gtpin.catalogue()[0], "cart1")
     found = Conclusion(NOTHING, {cause: (Contender(cause, 1.0),)} if named else {}, (), {})
     hypotheses = SimpleNamespace(priors=PRIORS, design=None)
-    monkeypatch.setattr(fit, "contenders", lambda *_, unlisted: (Contender(cause, 1.0),))
+    monkeypatch.setattr(doubts, "contenders", lambda *_, unlisted: (Contender(cause, 1.0),))
     monkeypatch.setattr(Conclusion, "whole", lambda *_: NOTHING)
-    after = fit.held_out(found, hypotheses, SimpleNamespace(before=2.8, after=1.6, floor=1.0), None, shown)
+    after = doubts.held_out(found, hypotheses, SimpleNamespace(before=2.8, after=1.6, floor=1.0), None, shown)
     assert [doubt.reason for doubt in after.doubts] == doubts

@@ -14,10 +14,9 @@ import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.diagnosis import joint_fit
 from gtpin.diagnosis.design import Observed
-from gtpin.diagnosis.evidence import Groups, Marginal
+from gtpin.diagnosis.evidence import Groups, Marginal, fixed
 from gtpin.diagnosis.hypothesis import Hypothesis
 from gtpin.diagnosis.joint_fit import JointProblem, fit_together
-from gtpin.diagnosis.posterior import fixed
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.instruments.readings import Readings

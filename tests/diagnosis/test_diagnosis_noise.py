@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose
 from scipy.stats import binom
 
 from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.evidence import NOTHING, fixed
 from gtpin.diagnosis.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.noise import left_over, reestimate_noise
-from gtpin.diagnosis.posterior import NOTHING, fixed
 from gtpin.effects.displacement import Displacement
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.rotations import exp

@@ -10,8 +10,7 @@ from scipy.stats import binom, chi2
 
 from gtpin.diagnosis import scan
 from gtpin.diagnosis.design import Design
-from gtpin.diagnosis.evidence import Groups, Marginal
-from gtpin.diagnosis.posterior import NOTHING, Posterior, fixed, gain
+from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, Posterior, fixed, gain
 from gtpin.diagnosis.scan import Scan
 from gtpin.effects.displacement import Displacement
 from gtpin.effects.effect import Effect

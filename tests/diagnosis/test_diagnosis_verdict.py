@@ -10,9 +10,10 @@ from diagnosed import LARGE, classes, machine, quietly, said
 import gtpin
 from gtpin.bench.blind.draw import Draft, drafts, made
 from gtpin.bench.simulator import make_case
-from gtpin.diagnosis.findings import Conclusion, Contender
+from gtpin.diagnosis.classes import Contender
+from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.hypothesis import Hypothesis
-from gtpin.diagnosis.posterior import NOTHING
+from gtpin.diagnosis.verdict import Conclusion
 from gtpin.effects.catalogue import effects_by_id
 
 pytestmark = pytest.mark.slow

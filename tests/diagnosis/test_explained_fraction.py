@@ -8,7 +8,8 @@ from linear_problems import bare_design
 from numpy.testing import assert_allclose
 
 from gtpin.diagnosis.design import Design
-from gtpin.diagnosis.gap import Gap, gap, leave_out
+from gtpin.diagnosis.gap import gap, leave_out
+from gtpin.diagnosis.result import Gap
 
 pytestmark = pytest.mark.slow
 

@@ -8,15 +8,15 @@ from diagnosed import machine, quietly
 from linear_problems import every_effect
 
 import gtpin
+from gtpin.diagnosis.classes import Contender
 from gtpin.diagnosis.design import Design, Observed
-from gtpin.diagnosis.findings import Conclusion, Contender, Question
-from gtpin.diagnosis.fit import without_impossible
+from gtpin.diagnosis.doubts import without_impossible
+from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
-from gtpin.diagnosis.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.posterior import NOTHING
-from gtpin.diagnosis.propose import propose
+from gtpin.diagnosis.hypothesis_set import HypothesisSet, propose
+from gtpin.diagnosis.result import Question
 from gtpin.diagnosis.search import rough_guess
-from gtpin.diagnosis.verdict import decide
+from gtpin.diagnosis.verdict import Conclusion, decide
 
 
 @pytest.fixture(scope="module")

@@ -14,17 +14,15 @@ import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
 from gtpin.data import Commands, Dataset
 from gtpin.diagnosis.design import Observed
-from gtpin.diagnosis.discrimination import concerns
-from gtpin.diagnosis.evidence import Groups, Marginal
-from gtpin.diagnosis.expected_bayes_factor import Prediction, expected_gain, most_telling
+from gtpin.diagnosis.discrimination import CauseClass, Prediction, concerns, expected_gain, most_telling
+from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, gain
 from gtpin.diagnosis.hypothesis import Hypothesis
 from gtpin.diagnosis.hypothesis_set import Untested
-from gtpin.diagnosis.measurement_conditions import with_nights
-from gtpin.diagnosis.next_experiment import CauseClass, Experiment, map_unknown, plan
-from gtpin.diagnosis.posterior import NOTHING, gain
+from gtpin.diagnosis.next_experiment import map_unknown, plan
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.result import Experiment
 from gtpin.diagnosis.smooth_terms import smooth_terms
-from gtpin.diagnosis.trials import Known, possible
+from gtpin.diagnosis.trials import Known, possible, with_nights
 from gtpin.effects.drive_errors import Linearity
 from gtpin.effects.untestable import Untestable
 from gtpin.instruments.readings import Readings

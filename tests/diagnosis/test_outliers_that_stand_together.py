@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gtpin
+from gtpin.diagnosis.noise import stand_together
 from gtpin.diagnosis.priors import PRIORS
-from gtpin.diagnosis.settle import stand_together
 from gtpin.effects.operating_points import OperatingPoints
 
 

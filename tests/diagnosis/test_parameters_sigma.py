@@ -13,9 +13,8 @@ from gtpin.bench.simulator import make_case
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.problem import Point
 from gtpin.diagnosis.design import Observed
-from gtpin.diagnosis.fit import estimates
 from gtpin.diagnosis.hypothesis import Hypothesis
-from gtpin.diagnosis.joint_fit import JointProblem, fit_together
+from gtpin.diagnosis.joint_fit import JointProblem, estimates, fit_together
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.typing import Floats
 

@@ -8,17 +8,16 @@ from linear_problems import calibrated, every_effect, hypothesis
 from scipy.special import softmax
 from scipy.stats import multivariate_normal
 
-from gtpin.diagnosis.classes import ranked
-from gtpin.diagnosis.discrimination import discriminate
-from gtpin.diagnosis.expected_bayes_factor import DRAWN, PROMISED, Prediction, Rivals
-from gtpin.diagnosis.findings import Cause, Conclusion, Contender
+from gtpin.diagnosis.classes import Contender, ranked
+from gtpin.diagnosis.discrimination import PROMISED, SIMULATED, Prediction, Rivals, discriminate
+from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.measurement_conditions import SESSIONS, next_sessions
 from gtpin.diagnosis.next_experiment import classes
-from gtpin.diagnosis.posterior import NOTHING
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.result import Cause
 from gtpin.diagnosis.smooth_terms import smooth_terms
-from gtpin.diagnosis.trials import Known
+from gtpin.diagnosis.trials import SESSIONS, Known, next_sessions
+from gtpin.diagnosis.verdict import Conclusion
 
 ROWS = np.arange(4)
 
@@ -47,7 +46,7 @@ def test_the_probability_is_that_of_measurements_drawn_from_the_members() -> Non
     exact = sum(settled)
     assert 0.1 < exact < 0.9
     found = chance(Rivals(members, share, 2, heat))
-    assert found == pytest.approx(exact, abs=4.0 * np.sqrt(exact * (1.0 - exact) / DRAWN))
+    assert found == pytest.approx(exact, abs=4.0 * np.sqrt(exact * (1.0 - exact) / SIMULATED))
 
 
 def test_members_with_the_same_prediction_are_never_settled() -> None:

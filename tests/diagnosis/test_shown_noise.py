@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.bench.simulator import simulate_measured
-from gtpin.diagnosis import shown_noise as check
+from gtpin.diagnosis import noise as check
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.hypothesis import Scope
 from gtpin.diagnosis.prepare import prepare

@@ -12,10 +12,8 @@ from scipy.stats import binom
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.diagnosis.against import changes
-from gtpin.diagnosis.alarm import threshold
-from gtpin.diagnosis.earlier import Earlier
-from gtpin.diagnosis.expectation import usable
+from gtpin.diagnosis.against import changes, threshold
+from gtpin.diagnosis.earlier import Earlier, usable
 from gtpin.diagnosis.hypothesis import Scope
 from gtpin.effects.catalogue import catalogue
 from gtpin.health.history import Entry

@@ -13,12 +13,11 @@ from gtpin.bench.blind.draw import drafts, measured
 from gtpin.bench.simulator import simulate_measured
 from gtpin.data import Dataset
 from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.hypothesis import Scope
 from gtpin.diagnosis.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.noise import left_over, reestimate_noise
-from gtpin.diagnosis.posterior import NOTHING
+from gtpin.diagnosis.noise import left_over, readmit_outliers, reestimate_noise
 from gtpin.diagnosis.prepare import prepare
-from gtpin.diagnosis.settle import readmit_outliers
 from gtpin.effects.catalogue import catalogue
 from gtpin.model.measured_robot import robot_of
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from gtpin.diagnosis.findings import Considered, Correlate, Member
+from gtpin.diagnosis.result import Considered, Correlate, Member
 from gtpin.effects.untestable import Untestable
 from gtpin.report.verdict import verdict
 

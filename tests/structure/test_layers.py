@@ -44,10 +44,10 @@ ASKING = {
     "calibration/checks/prepared.py": 1,
     "data/dataset.py": 2,
     "diagnosis/against.py": 2,
-    "diagnosis/expectation.py": 1,
-    "diagnosis/fit.py": 2,
+    "diagnosis/earlier.py": 1,
+    "diagnosis/diagnose.py": 2,
     "diagnosis/joint_fit.py": 1,
-    "diagnosis/where.py": 1,
+    "diagnosis/gap.py": 1,
     "diagnosis/design.py": 3,
     "diagnosis/prepare.py": 1,
     "instruments/readings.py": 2,
@@ -109,42 +109,27 @@ def test_a_layer_imports_only_what_stands_below_it() -> None:
 
 
 ROOMS = (
+    "result",
     "priors",
     "prepare",
     "design",
     "evidence",
-    "posterior",
     "scan",
     "hypothesis",
     "smooth_terms",
     "proxies",
     "hypothesis_set",
-    "propose",
-    "lines",
     "search",
     "noise",
-    "shown_noise",
-    "findings",
-    "settle",
-    "where",
     "classes",
     "verdict",
     "joint_fit",
     "gap",
-    "predictive",
     "doubts",
-    "fit",
-    "measurement_conditions",
     "trials",
-    "expected_bayes_factor",
-    "experiment",
     "discrimination",
-    "make_testable",
     "next_experiment",
-    "result",
-    "alarm",
     "earlier",
-    "expectation",
     "against",
     "diagnose",
 )
@@ -171,7 +156,7 @@ def test_no_room_of_a_diagnosis_uses_one_after_it() -> None:
 def test_no_effect_is_named_by_a_string_with_its_site() -> None:
     """Hypotheses are values: ``effect@site`` is written for messages, and for the JSON of experiments."""
     files = [file for file in (PACKAGE / "diagnosis").rglob("*.py") if "@{" in file.read_text(encoding="utf-8")]
-    assert {file.name for file in files} == {"hypothesis.py", "experiment.py"}
+    assert {file.name for file in files} == {"hypothesis.py", "result.py"}
 
 
 def test_the_verdict_is_decided_in_one_file() -> None:
@@ -180,7 +165,7 @@ def test_the_verdict_is_decided_in_one_file() -> None:
         for file in (PACKAGE / "diagnosis").rglob("*.py")
         if re.search(r'return "unknown"', file.read_text("utf-8"))
     ]
-    assert deciding == ["findings.py"]
+    assert deciding == ["verdict.py"]
 
 
 def test_the_simulator_imports_nothing_of_what_it_shall_judge() -> None:
