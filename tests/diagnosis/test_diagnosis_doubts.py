@@ -12,7 +12,8 @@ from linear_problems import every_effect
 import gtpin
 from gtpin.bench.simulator import make_case, simulate
 from gtpin.data import Dataset
-from gtpin.diagnosis import diagnose, doubts
+from gtpin.diagnosis import diagnose
+from gtpin.diagnosis import doubts as rules
 from gtpin.diagnosis.classes import Contender
 from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.evidence import NOTHING
@@ -125,8 +126,8 @@ def test_causes_must_make_left_out_positions_and_orientations_together_better(
             return alone
         return replace(alone, errors=nearer * alone.errors, turned=straighter * alone.turned)
 
-    monkeypatch.setattr(doubts, "leave_out", left)
-    after = doubts.with_smaller_errors(hypotheses, found, [])
+    monkeypatch.setattr(rules, "leave_out", left)
+    after = rules.with_smaller_errors(hypotheses, found, [])
     assert bool(after.classes) == kept
     assert [doubt.reason for doubt in after.doubts] == ([] if kept else ["held_out"])
 
@@ -166,7 +167,7 @@ def test_what_causes_leave_is_compared_with_the_likeliest_noise_and_silence_with
 ):
     """``left``: of all that was measured; of the positions it is a fifth."""
     sizes = {"likeliest": 1.0, "largest": 1.4}
-    monkeypatch.setattr(doubts, "floor_of", lambda noise, design: np.array([sizes[noise] ** 2]))
+    monkeypatch.setattr(rules, "floor_of", lambda noise, design: np.array([sizes[noise] ** 2]))
     shown = SimpleNamespace(
         source="declared",
         contradicted=False,
@@ -180,7 +181,7 @@ def test_what_causes_leave_is_compared_with_the_likeliest_noise_and_silence_with
     cause = Hypothesis(gtpin.catalogue()[0], "cart1")
     found = Conclusion(NOTHING, {cause: (Contender(cause, 1.0),)} if named else {}, (), {})
     hypotheses = SimpleNamespace(priors=PRIORS, design=None)
-    monkeypatch.setattr(doubts, "contenders", lambda *_, unlisted: (Contender(cause, 1.0),))
+    monkeypatch.setattr(rules, "contenders", lambda *_, unlisted: (Contender(cause, 1.0),))
     monkeypatch.setattr(Conclusion, "whole", lambda *_: NOTHING)
-    after = doubts.held_out(found, hypotheses, SimpleNamespace(before=2.8, after=1.6, floor=1.0), None, shown)
+    after = rules.held_out(found, hypotheses, SimpleNamespace(before=2.8, after=1.6, floor=1.0), None, shown)
     assert [doubt.reason for doubt in after.doubts] == doubts
