@@ -17,10 +17,10 @@ import pandas as pd
 import gtpin
 from gtpin.bench.blind.draw import drafts, made
 from gtpin.diagnosis.hypothesis import Scope
-from gtpin.diagnosis.hypothesis_set import propose
 from gtpin.diagnosis.noise import SearchState, readmit_outliers, settle
 from gtpin.diagnosis.prepare import prepare
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.propose import propose
 from gtpin.diagnosis.verdict import Conclusion, infer
 from gtpin.errors import GtpinError
 from gtpin.robot.library import load_robot

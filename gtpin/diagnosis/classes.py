@@ -10,10 +10,9 @@ from math import exp, sqrt
 import numpy as np
 
 from gtpin.diagnosis.evidence import without
-from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm
-from gtpin.diagnosis.hypothesis_set import Explanation, Gain, HypothesisSet, Term, causes
+from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
 from gtpin.diagnosis.priors import CLASS_SHARE
-from gtpin.diagnosis.search import with_its_lines
+from gtpin.diagnosis.search import Explanation, Gain, HypothesisSet, causes, with_its_lines
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,10 @@ from gtpin.diagnosis.design import Design, Observed
 from gtpin.diagnosis.evidence import NOTHING, without
 from gtpin.diagnosis.gap import leave_out
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm
-from gtpin.diagnosis.hypothesis_set import Explanation, HypothesisSet
 from gtpin.diagnosis.noise import ShownNoise, floor_of, left_over
 from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS, UNDECIDED, Priors
 from gtpin.diagnosis.result import Cause, Doubt, FlexibleFamily, Gap, Question
+from gtpin.diagnosis.search import Explanation, HypothesisSet
 from gtpin.diagnosis.verdict import Conclusion, size, weak
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import warn

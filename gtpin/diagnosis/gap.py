@@ -13,10 +13,9 @@ from gtpin.calibration.left_out import LeftOutBlock
 from gtpin.data import Dataset, by_region, random
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import given, marginal_power
-from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm
-from gtpin.diagnosis.hypothesis_set import Explanation, Gain, HypothesisSet, Term
-from gtpin.diagnosis.proxies import Proxy
+from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term
 from gtpin.diagnosis.result import Correlate, Gap, HoldOut, InstrumentGap, Turns, Unexplained, Where
+from gtpin.diagnosis.search import Explanation, Gain, HypothesisSet
 from gtpin.diagnosis.smooth_terms import COMMON
 from gtpin.diagnosis.verdict import Conclusion
 from gtpin.distributions import chi2

@@ -1,4 +1,4 @@
-"""Dense scans of an effect's nonlinear parameter: a period, a place."""
+"""Dense scans of an effect's nonlinear parameter (a period, a place), and the chance that scatter shows a line."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import betaincc
 
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import Groups, Posterior, best_scales
@@ -289,3 +290,91 @@ def _peaks(gains: Floats) -> npt.NDArray[np.bool_]:
     """Which gains are no less than those of both neighbours."""
     around = np.pad(gains, 1, constant_values=-np.inf)
     return np.asarray((gains >= around[:-2]) & (gains >= around[2:]))
+
+
+LEAST_SEEN = 1e-6
+"""Smallest whitened motion by a drive, relative to the largest, of a row that shows the drive: it avoids a division by 0."""
+
+
+@dataclass(frozen=True)
+class FittedLines:
+    """Errors of one drive at its different commands, and the lines that were fitted to them.
+
+    ``errors``, ``variance``: (n,) errors that the geometry and the other causes leave, m or rad: the mean of the visits of a
+    command; and their variance by the noise. ``lines``: for each line its (n, p) deviations of the travel less what the
+    geometry and the other causes fit of them, m or rad. ``tried``: number of periods that were tried.
+    ``effective_parameters``: effective number of the errors that the geometry and the other causes fit: this many are
+    missing in what is left.
+    """
+
+    errors: Floats
+    variance: Floats
+    lines: tuple[Floats, ...]
+    tried: int
+    effective_parameters: float = 0.0
+
+    @staticmethod
+    def of(design: Design, others: Floats, lines: Sequence[Floats], site: str, tried: int) -> FittedLines:
+        """The errors of the drive at ``site`` that the geometry and other causes leave, and the lines of its periodic error.
+
+        What the geometry and the other causes fit of the lines is subtracted. Flexible causes of the drive fit scatter, too;
+        without the subtraction, less scatter would be left, and the lines would look significant.
+
+        ``others``: (N c, m) whitened displacements of the other causes, for coefficients of one prior sigma. ``lines``: for
+        each line its own (N c, p). ``tried``: number of periods that were tried.
+        """
+        along = design.by_command[:, :, design.operating_points.robot.sites.index(site)]
+        information = np.einsum("nc,nc->n", along, along)
+        shown = information > LEAST_SEEN**2 * information.max()
+        along, information = along[shown], information[shown]
+
+        def moved(columns: Floats) -> Floats:
+            return np.asarray(np.einsum("nc,ncm->nm", along, columns.reshape(len(shown), design.components, -1)[shown]))
+
+        J, prior = design.beside(others)
+        normal = J.T @ J + np.diag(prior)
+        whole = np.column_stack([design.y, *lines])
+        left = moved(whole - J @ np.linalg.solve(normal, J.T @ whole))
+        fitted = moved(J) / np.sqrt(information)[:, None]
+        # I - H of independent errors, H the fit's hat matrix, has tr (I - H)^2 degrees of freedom; this one has H's traces.
+        hat = np.linalg.solve(normal, fitted.T @ fitted)
+        same = np.unique(design.operating_points.q[shown], axis=0, return_inverse=True)[1].ravel()
+        total = np.bincount(same, information)
+        left = np.stack([np.bincount(same, column) for column in left.T], axis=1) / total[:, None]
+        return FittedLines(
+            errors=left[:, 0],
+            variance=1.0 / total,
+            lines=tuple(np.split(left[:, 1:], len(lines), axis=1)),
+            tried=tried,
+            effective_parameters=float(2.0 * np.trace(hat) - np.einsum("ij,ji->", hat, hat)),
+        )
+
+    def chance(self) -> float:
+        """Upper bound of the probability that scatter without a period shows a line as significant as the best one.
+
+        The lines are fitted one after the other, the strongest first; what is left without the line is noise of known variance
+        and scatter of the drive, whose variance is estimated. Of n such errors, less those that other causes fit, p columns
+        take a share of the power with a beta distribution, of parameters p/2 and (n - p)/2. The best of all periods that were
+        tried takes a larger share than this with at most their number times the probability (Bonferroni). The k-th test of a
+        line has the share 1 / (k (k + 1)) of the whole probability.
+        """
+        residual, open_, least = self.errors, list(self.lines), 1.0
+        freedom = len(self.errors) - self.effective_parameters
+        for tested in range(1, len(self.lines) + 1):
+            if freedom <= 1.0:
+                break
+            scatter = max(float((residual**2).sum()) / freedom - float(self.variance.mean()), 0.0)
+            root = 1.0 / np.sqrt(self.variance + scatter)
+            whole = float(((residual * root) ** 2).sum())
+            fits = [X @ np.linalg.lstsq(X * root[:, None], residual * root, rcond=None)[0] for X in open_]
+            powers = [float((((residual - fit) * root) ** 2).sum()) for fit in fits]
+            best = int(np.argmin(powers))
+            width = open_.pop(best).shape[1]
+            if freedom <= width + 1.0 or whole == 0.0:
+                break
+            share = min(max(1.0 - powers[best] / whole, 0.0), 1.0)
+            least = min(
+                least, float(betaincc(width / 2.0, (freedom - width) / 2.0, share)) * self.tried * tested * (tested + 1)
+            )
+            residual, freedom = residual - fits[best], freedom - width
+        return least

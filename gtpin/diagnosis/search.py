@@ -1,26 +1,301 @@
-"""Search for the model of largest log posterior: forward steps from several first terms, exchanges and removals; lines."""
+"""Prior odds of the terms, and the search for the model of largest log posterior."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from copy import copy
+from functools import cached_property
+from typing import NamedTuple, TypeVar
 
 import numpy as np
-from scipy.special import betaincc
 
-from gtpin.diagnosis.evidence import NOTHING, tuned, without
-from gtpin.diagnosis.hypothesis import Hypothesis, related, same_place
-from gtpin.diagnosis.hypothesis_set import (
-    Explanation,
-    Gain,
-    HypothesisSet,
-    Term,
-    causes,
-    explained_by,
-    scales,
+from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.evidence import (
+    NOTHING,
+    Groups,
+    Marginal,
+    Posterior,
+    all_gains,
+    exchanged,
+    fixed,
+    tuned,
+    without,
 )
-from gtpin.diagnosis.scan import NO_GAIN
+from gtpin.diagnosis.hypothesis import (
+    Hypothesis,
+    Proxy,
+    Scope,
+    SmoothTerm,
+    Term,
+    explained_by,
+    modulates,
+    related,
+    same_place,
+)
+from gtpin.diagnosis.scan import NO_GAIN, FittedLines, Scan
+from gtpin.effects.displacement import Displacement
+from gtpin.effects.untestable import Untestable
 from gtpin.typing import Floats
+
+Explanation = Posterior[Term]
+"""Some members of the hypothesis set together, each with its scale."""
+T = TypeVar("T", bound=Term)
+
+
+class Gain(NamedTuple):
+    """Gain by one more explanation.
+
+    ``value``: gain in log evidence, nats. ``term``: the explanation, with its nonlinear parameter estimated. ``further``: for a
+    periodic error that can have several lines: the other lines (period, sigma) that are worth adding with the first. ``more``:
+    additional gain by these lines less the prior odds against them, nats.
+    """
+
+    value: float
+    term: Term
+    further: tuple[tuple[float, float], ...] = ()
+    more: float = 0.0
+
+    @property
+    def whole(self) -> float:
+        """Gain with all lines."""
+        return self.value + self.more
+
+
+class Untested(NamedTuple):
+    """A hypothesis that these data can't test, and why."""
+
+    hypothesis: Hypothesis
+    reason: Untestable
+
+
+class HypothesisSet:
+    """Explanations, and the inner products of their displacements.
+
+    A hypothesis with another value of its nonlinear parameter is another hypothesis. So a model that a search rejects does
+    not change the models that it keeps.
+
+    ``linear``: hypotheses without a nonlinear parameter. ``scanned``: hypotheses whose
+    nonlinear parameter is scanned, without a value of it. ``smooth``: smooth terms with their displacements. ``scope``: gives
+    the probability of a false alarm, and the priors. ``untested``: effects that can't be tested: those that lack a covariate
+    may have a proxy. ``of_sessions``: additional log prior odds against explanations that depend on the session, nats.
+    ``proxies``: computes the proxies of effects that lack a covariate, when they are first needed.
+
+    ``threshold`` has the log prior odds against a first named cause, nats: ln(number of hypotheses / ``scope.false_alarm``).
+    """
+
+    def __init__(
+        self,
+        design: Design,
+        linear: Sequence[Hypothesis],
+        scanned: Sequence[Hypothesis],
+        smooth: Iterable[tuple[SmoothTerm, Displacement]],
+        scope: Scope,
+        untested: Sequence[Untested] = (),
+        *,
+        of_sessions: float = 0.0,
+        proxies: Callable[[], Iterable[Proxy]] = tuple,
+    ) -> None:
+        self.design, self.linear, self.scanned = design, tuple(linear), tuple(scanned)
+        self.untested, self.priors = tuple(untested), scope.priors
+        self.groups: Groups[Term] = Groups(Marginal(design.B), design.y, scope.priors)
+        for hypothesis in self.linear:
+            self._add(hypothesis)
+        found = []
+        for term, basis in smooth:
+            found.append(term)
+            self.groups.add(term, design.columns(basis))
+        self.smooth = tuple(found)
+        self.threshold = float(np.log(max(len(self.named), 1)) + np.log(1.0 / scope.false_alarm))
+        self.of_sessions, self._proxies = of_sessions, proxies
+        self._scans: dict[Hypothesis, Scan] = {}
+        self.lined: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Explanation] = {}
+        """Models with all lines of a periodic error, by terms and scales of the model without the error, and its first line."""
+        self.grown: dict[tuple[Term, tuple[Term, ...], int], Explanation] = {}
+        """Models of earlier searches: by first explanation, allowed explanations, and number of explanations."""
+        self._gains: dict[tuple[tuple[Term, ...], tuple[float, ...]], dict[Term, Gain]] = {}
+        self._costs: dict[tuple[Term, ...], tuple[float, ...]] = {}
+
+    @property
+    def long(self) -> bool:
+        """Whether models can be long, as for robots without rods: joints have many lines, and all links many coefficients."""
+        return bool(self.design.operating_points.robot.joint_sites)
+
+    @property
+    def named(self) -> tuple[Hypothesis, ...]:
+        """All effects at their sites; those with a nonlinear parameter without a value of it."""
+        return (*self.linear, *self.scanned)
+
+    @property
+    def every(self) -> tuple[Term, ...]:
+        """All explanations that a model can have."""
+        return (*self.named, *self.smooth)
+
+    @cached_property
+    def proxies(self) -> tuple[Proxy, ...]:
+        """Effects with a proxy of a covariate that was not recorded; never in a model, only alternatives to its causes."""
+        found = tuple(self._proxies())
+        for proxy in found:
+            self.groups.add(proxy, proxy.columns)
+        return found
+
+    def at_threshold(self, threshold: float) -> HypothesisSet:
+        """The same explanations, with other log prior odds, nats, against a first named cause."""
+        other = copy(self)
+        other.threshold, other.lined, other.grown, other._costs = threshold, {}, {}, {}
+        return other
+
+    def barring(self, places: Collection[tuple[str, str]]) -> HypothesisSet:
+        """The same explanations without the hypotheses at some places (effect, site)."""
+        fewer = copy(self)
+        # Computed before it is filtered: both sets share the groups, to which the proxies are added once.
+        fewer.proxies = tuple(proxy for proxy in self.proxies if proxy.hypothesis.place not in places)
+        fewer.linear = tuple(hypothesis for hypothesis in self.linear if hypothesis.place not in places)
+        fewer.scanned = tuple(hypothesis for hypothesis in self.scanned if hypothesis.place not in places)
+        return fewer
+
+    def _add(self, hypothesis: Hypothesis) -> None:
+        if not hypothesis.further:
+            basis = hypothesis.basis(self.design.operating_points)
+            self.groups.add(hypothesis, self.design.columns(basis), hypothesis.effect.core)
+            return
+        lines = [Hypothesis(hypothesis.effect, hypothesis.site, value) for value in hypothesis.values]
+        for line in lines:
+            if line not in self.groups:
+                self._add(line)
+        self.groups.join(hypothesis, lines)
+
+    def cost(self, term: Term) -> float:
+        """Log prior odds against an explanation as the only one, nats: its gain in log evidence must exceed them."""
+        unnamed = self.priors.unnamed if isinstance(term, SmoothTerm) else 0.0
+        divided = "session" in explained_by(term).drivers(self.design.operating_points.robot)
+        return self.threshold + unnamed + (self.of_sessions if divided else 0.0)
+
+    def share(self, term: Term, stronger: Term) -> float:
+        """Share of a stronger explanation's evidence that is added to the prior odds against ``term``."""
+        robot, a, b = self.design.operating_points.robot, explained_by(term), explained_by(stronger)
+        if a.site == b.site and a.drivers(robot) & b.drivers(robot):
+            return self.priors.same
+        return self.priors.related if related(robot, a, b) else self.priors.other
+
+    def costs(self, terms: Sequence[Term]) -> dict[Term, float]:
+        """Log prior odds against each explanation of a model, nats."""
+        templates = tuple(self.without_value(term) for term in terms)
+        if templates not in self._costs:
+            alone, found = {term: self.alone(term) for term in templates}, []
+            for term in templates:
+                stronger = [self.share(term, t) * alone[t] for t in templates if alone[t] > alone[term]]
+                third = self.priors.third if len(stronger) > 1 else 0.0
+                found.append(self.cost(term) + max(stronger, default=0.0) + third)
+            self._costs[templates] = tuple(found)
+        lines = (len(term.further) if isinstance(term, Hypothesis) else 0 for term in terms)
+        return {
+            term: cost + self.priors.line * more
+            for term, cost, more in zip(terms, self._costs[templates], lines, strict=True)
+        }
+
+    def alone(self, term: Term) -> float:
+        """Gain in log evidence of an explanation as the only one, with the best value of its nonlinear parameter."""
+        open_ = self.without_value(term)
+        return self.gains(NOTHING, (open_,))[open_].value
+
+    def log_posterior(self, model: Explanation) -> float:
+        """Worth of a model: its log evidence less the log prior odds against its explanations, nats."""
+        return model.log_evidence - sum(self.costs(model.terms).values())
+
+    def net_gains(self, model: Explanation, terms: Iterable[T]) -> dict[T, Gain]:
+        """Gain in worth, nats, by adding each explanation to a model whose scales are not changed."""
+        before = sum(self.costs(model.terms).values())
+        return {
+            term: gain._replace(value=gain.value - sum(self.costs((*model.terms, gain.term)).values()) + before)
+            for term, gain in self.gains(model, terms).items()
+        }
+
+    def gains(self, model: Explanation, terms: Iterable[T]) -> dict[T, Gain]:
+        """Gain in log evidence by adding each explanation to a model, with its nonlinear parameter estimated given the model.
+
+        The scales of the model are not changed. Explanations that the model already has, with any value of the nonlinear
+        parameter, are left out.
+        """
+        known = self._gains.setdefault((model.terms, model.scale), {})
+        taken = {self.without_value(term) for term in model.terms}
+        wanted = [term for term in terms if self.without_value(term) not in taken]
+        new = [term for term in wanted if term not in known]
+        scanned = set(self.scanned)
+        plain = all_gains(self.groups, model, (t for t in new if t not in scanned))
+        known |= {term: Gain(value, term) for term, (value, _) in plain.items()}
+        known |= {t: self.scanned_gain(t, model) for t in new if isinstance(t, Hypothesis) and t in scanned}
+        return {term: known[term] for term in wanted}
+
+    def without_value(self, term: Term) -> Term:
+        """A hypothesis without the value of its nonlinear parameter; other terms unchanged."""
+        return term.template if isinstance(term, Hypothesis) else term
+
+    def scan(self, hypothesis: Hypothesis) -> Scan:
+        """The scan of a hypothesis of ``scanned``, prepared once."""
+        if hypothesis not in self._scans:
+            self._scans[hypothesis] = Scan(self.design, self.groups, hypothesis.effect, hypothesis.site, self.priors)
+        return self._scans[hypothesis]
+
+    def scanned_gain(self, hypothesis: Hypothesis, model: Explanation, others: Sequence[float] = ()) -> Gain:
+        """Gain by the best value of a hypothesis of ``scanned``; ``others``: its values that the model already has."""
+        best = self.scan(hypothesis).best(model, others)
+        term = Hypothesis(hypothesis.effect, hypothesis.site, best.value, best.sigma)
+        room = hypothesis.effect.most_values - 1 - len(others)
+        if not self.long or room < 1:
+            return Gain(best.gain, term)
+        worth = [line for line in best.others if line[2] > self.priors.line][:room]
+        more = sum(gain - self.priors.line for _, _, gain in worth)
+        return Gain(best.gain, term, tuple((value, sigma) for value, sigma, _ in worth), more)
+
+    def replaced(self, model: Explanation, old: Hypothesis, new: Hypothesis) -> Explanation:
+        """The model with one hypothesis in the place of another, at the same scales."""
+        if new not in self.groups:
+            self._add(new)
+        return exchanged(self.groups, model, old, new)
+
+    def extended(self, model: Explanation, term: Term) -> Explanation:
+        """A model with one more explanation, all scales estimated again."""
+        return self.of((*model.terms, term), (*model.scale, 1.0))
+
+    def of(self, terms: Sequence[Term], scale: Sequence[float]) -> Explanation:
+        """A model of some explanations, its scales estimated from given ones."""
+        for term in terms:
+            if isinstance(term, Hypothesis) and term not in self.groups:
+                self._add(term)
+        return tuned(self.groups, terms, scale)
+
+    def modulates(self, smooth: SmoothTerm, model: Explanation | Collection[Hypothesis]) -> bool:
+        """Whether a smooth term is only a modulation of one of some hypotheses."""
+        terms = model.terms if isinstance(model, Posterior) else model
+        at = self.design.operating_points
+        return any(isinstance(term, Hypothesis) and modulates(at, smooth, term) for term in terms)
+
+    def columns(self, model: Explanation) -> Floats:
+        """(N c, m) whitened displacements of a model's explanations, at their scales."""
+        scaled = (self.groups.columns(term) * scale for term, scale in scales(model).items())
+        return np.hstack([np.zeros((len(self.design.y), 0)), *scaled])
+
+    def only(self, model: Explanation, terms: Iterable[Term]) -> Explanation:
+        """The model with only some of its explanations, at the same scales."""
+        wanted = set(terms)
+        kept = [(t, s) for t, s in zip(model.terms, model.scale, strict=True) if t in wanted]
+        return fixed(self.groups, [t for t, _ in kept], [s for _, s in kept]) if kept else NOTHING
+
+
+def causes(model: Explanation) -> tuple[Hypothesis, ...]:
+    """A model's hypotheses, without its smooth terms."""
+    return tuple(term for term in model.terms if isinstance(term, Hypothesis))
+
+
+def smooth_of(model: Explanation) -> tuple[SmoothTerm, ...]:
+    """A model's smooth terms."""
+    return tuple(term for term in model.terms if isinstance(term, SmoothTerm))
+
+
+def scales(model: Explanation) -> Mapping[Term, float]:
+    """The scale of each explanation of a model."""
+    return dict(zip(model.terms, model.scale, strict=True))
+
 
 BEAM = 3
 """Number of first explanations that are tried: the best single explanation need not be in the best pair."""
@@ -345,10 +620,6 @@ def strongest_first(hypotheses: HypothesisSet, model: Explanation, cause: Hypoth
     return cause.with_lines([cause.lines[i] for i in np.argsort(-size, kind="stable")])
 
 
-LEAST_SEEN = 1e-6
-"""Smallest whitened motion by a drive, relative to the largest, of a row that shows the drive: it avoids a division by 0."""
-
-
 def chance_lines(hypotheses: HypothesisSet, model: Explanation) -> tuple[Hypothesis, ...]:
     """The periodic errors of a model of which no line is significant against the scatter of its drive.
 
@@ -358,87 +629,11 @@ def chance_lines(hypotheses: HypothesisSet, model: Explanation) -> tuple[Hypothe
     lines = [c for c in causes(model) if c.effect.of_own_command and c.effect.most_values > 1 and c.values]
     if not lines:
         return ()
-    most = hypotheses.priors.chance_line
-    return tuple(c for c in lines if FittedLines.of(hypotheses, model, c).chance() > most)
-
-
-@dataclass(frozen=True)
-class FittedLines:
-    """Errors of one drive at its different commands, and the lines that were fitted to them.
-
-    ``errors``, ``variance``: (n,) errors that the geometry and the other causes leave, m or rad: the mean of the visits of a
-    command; and their variance by the noise. ``lines``: for each line its (n, p) deviations of the travel less what the
-    geometry and the other causes fit of them, m or rad. ``tried``: number of periods that were tried.
-    ``effective_parameters``: effective number of the errors that the geometry and the other causes fit: this many are
-    missing in what is left.
-    """
-
-    errors: Floats
-    variance: Floats
-    lines: tuple[Floats, ...]
-    tried: int
-    effective_parameters: float = 0.0
-
-    @staticmethod
-    def of(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> FittedLines:
-        """The errors of a drive that the geometry and a model without one periodic error leave, and the lines of this error.
-
-        What the geometry and the other causes fit of the lines is subtracted. Flexible causes of the drive fit scatter, too;
-        without the subtraction, less scatter would be left, and the lines would look significant.
-        """
-        design = hypotheses.design
-        along = design.by_command[:, :, design.operating_points.robot.sites.index(cause.site)]
-        information = np.einsum("nc,nc->n", along, along)
-        shown = information > LEAST_SEEN**2 * information.max()
-        along, information = along[shown], information[shown]
-
-        def moved(columns: Floats) -> Floats:
-            return np.asarray(np.einsum("nc,ncm->nm", along, columns.reshape(len(shown), design.components, -1)[shown]))
-
-        others, prior = design.beside(hypotheses.columns(hypotheses.only(model, set(model.terms) - {cause})))
-        normal = others.T @ others + np.diag(prior)
-        whole = np.column_stack([design.y, hypotheses.groups.columns(cause)])
-        left = moved(whole - others @ np.linalg.solve(normal, others.T @ whole))
-        fitted = moved(others) / np.sqrt(information)[:, None]
-        # I - H of independent errors, H the fit's hat matrix, has tr (I - H)^2 degrees of freedom; this one has H's traces.
-        hat = np.linalg.solve(normal, fitted.T @ fitted)
-        same = np.unique(design.operating_points.q[shown], axis=0, return_inverse=True)[1].ravel()
-        total = np.bincount(same, information)
-        left = np.stack([np.bincount(same, column) for column in left.T], axis=1) / total[:, None]
-        return FittedLines(
-            errors=left[:, 0],
-            variance=1.0 / total,
-            lines=tuple(np.split(left[:, 1:], len(cause.values), axis=1)),
-            tried=len(cause.effect.nonlinear_values(design.operating_points, cause.site)),
-            effective_parameters=float(2.0 * np.trace(hat) - np.einsum("ij,ji->", hat, hat)),
-        )
-
-    def chance(self) -> float:
-        """Upper bound of the probability that scatter without a period shows a line as significant as the best one.
-
-        The lines are fitted one after the other, the strongest first; what is left without the line is noise of known variance
-        and scatter of the drive, whose variance is estimated. Of n such errors, less those that other causes fit, p columns
-        take a share of the power with a beta distribution, of parameters p/2 and (n - p)/2. The best of all periods that were
-        tried takes a larger share than this with at most their number times the probability (Bonferroni). The k-th test of a
-        line has the share 1 / (k (k + 1)) of the whole probability.
-        """
-        residual, open_, least = self.errors, list(self.lines), 1.0
-        freedom = len(self.errors) - self.effective_parameters
-        for tested in range(1, len(self.lines) + 1):
-            if freedom <= 1.0:
-                break
-            scatter = max(float((residual**2).sum()) / freedom - float(self.variance.mean()), 0.0)
-            root = 1.0 / np.sqrt(self.variance + scatter)
-            whole = float(((residual * root) ** 2).sum())
-            fits = [X @ np.linalg.lstsq(X * root[:, None], residual * root, rcond=None)[0] for X in open_]
-            powers = [float((((residual - fit) * root) ** 2).sum()) for fit in fits]
-            best = int(np.argmin(powers))
-            width = open_.pop(best).shape[1]
-            if freedom <= width + 1.0 or whole == 0.0:
-                break
-            share = min(max(1.0 - powers[best] / whole, 0.0), 1.0)
-            least = min(
-                least, float(betaincc(width / 2.0, (freedom - width) / 2.0, share)) * self.tried * tested * (tested + 1)
-            )
-            residual, freedom = residual - fits[best], freedom - width
-        return least
+    most, design, found = hypotheses.priors.chance_line, hypotheses.design, []
+    for cause in lines:
+        others = hypotheses.columns(hypotheses.only(model, set(model.terms) - {cause}))
+        each = np.split(hypotheses.groups.columns(cause), len(cause.values), axis=1)
+        tried = len(cause.effect.nonlinear_values(design.operating_points, cause.site))
+        if FittedLines.of(design, others, each, cause.site, tried).chance() > most:
+            found.append(cause)
+    return tuple(found)

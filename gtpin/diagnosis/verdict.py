@@ -10,13 +10,11 @@ from scipy.special import expit
 
 from gtpin.diagnosis.classes import Contender, contenders, ranked, with_two_instead
 from gtpin.diagnosis.evidence import NOTHING, fixed, marginal_power, tuned, without
-from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, related, same_place
-from gtpin.diagnosis.hypothesis_set import Explanation, Gain, HypothesisSet, Term, causes, scales, smooth_of
+from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term, related, same_place
 from gtpin.diagnosis.noise import SearchState, reestimate_noise, restless_drive
 from gtpin.diagnosis.priors import SURE, UNDECIDED
-from gtpin.diagnosis.proxies import Proxy
 from gtpin.diagnosis.result import Considered, Doubt, FlexibleFamily, Member, Undecided, Verdict
-from gtpin.diagnosis.search import chance_lines, search
+from gtpin.diagnosis.search import Explanation, Gain, HypothesisSet, causes, chance_lines, scales, search, smooth_of
 from gtpin.effects.effect import Nature
 
 

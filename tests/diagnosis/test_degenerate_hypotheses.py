@@ -15,9 +15,8 @@ from gtpin.diagnosis.classes import contenders
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope, SmoothTerm
-from gtpin.diagnosis.hypothesis_set import Explanation, HypothesisSet, causes, scales
 from gtpin.diagnosis.priors import PRIORS
-from gtpin.diagnosis.search import search, settled
+from gtpin.diagnosis.search import Explanation, HypothesisSet, causes, scales, search, settled
 from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import Effect
 from gtpin.effects.operating_points import OperatingPoints

@@ -19,8 +19,8 @@ from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.gap import leave_out
 from gtpin.diagnosis.hypothesis import Hypothesis
-from gtpin.diagnosis.hypothesis_set import propose
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.propose import propose
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.diagnosis.verdict import Conclusion, decide
 from gtpin.errors import ConvergenceError

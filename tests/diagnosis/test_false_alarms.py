@@ -7,7 +7,7 @@ import pytest
 from linear_problems import calibrated, every_effect
 from scipy.stats import binom
 
-from gtpin.diagnosis.hypothesis_set import propose
+from gtpin.diagnosis.propose import propose
 from gtpin.diagnosis.search import rough_guess
 
 pytestmark = pytest.mark.slow

@@ -15,8 +15,8 @@ from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import Marginal
 from gtpin.diagnosis.hypothesis import Hypothesis
-from gtpin.diagnosis.hypothesis_set import _together, merged_sessions
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.propose import _together, merged_sessions
 from gtpin.effects.drive_errors import ZeroShift
 from gtpin.effects.measurement import FrameShift
 

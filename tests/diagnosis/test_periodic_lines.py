@@ -12,7 +12,8 @@ import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.diagnosis import noise
 from gtpin.diagnosis.evidence import NOTHING
-from gtpin.diagnosis.search import FittedLines, rough_guess
+from gtpin.diagnosis.scan import FittedLines
+from gtpin.diagnosis.search import rough_guess
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 

@@ -14,10 +14,10 @@ from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
 from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.doubts import two_groups, two_values
 from gtpin.diagnosis.evidence import NOTHING
-from gtpin.diagnosis.hypothesis_set import propose
 from gtpin.diagnosis.noise import left_over, readmit_outliers
 from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.propose import propose
 from gtpin.errors import GtpinWarning
 from gtpin.report.verdict import verdict
 
