@@ -25,7 +25,7 @@ from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.evidence import NOTHING, Groups, Posterior, all_gains, tuned
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
-from gtpin.diagnosis.noise import readmit_outliers, settle
+from gtpin.diagnosis.noise import searchable_rows, settle
 from gtpin.diagnosis.prepare import prepare
 from gtpin.diagnosis.propose import propose
 from gtpin.diagnosis.scan import Scan
@@ -155,7 +155,7 @@ class Limit:
         robot = measuring(robot_of(dataset), dataset)
         scope = Scope.of(catalogue(), (), FALSE_ALARM, robot)
         prepared = prepare(dataset, robot)
-        admitted = readmit_outliers(prepared, scope.priors)
+        admitted = searchable_rows(prepared, scope.priors)
         noise = settle(prepared, admitted, scope, np.random.default_rng(0)).observed.noise
         everything = Observed.of(prepared.dataset, prepared.baseline)
         everything = replace(everything, noise=everything.noise.sized_as(noise))

@@ -17,7 +17,7 @@ import pandas as pd
 import gtpin
 from gtpin.bench.blind.draw import drafts, made
 from gtpin.diagnosis.hypothesis import Scope
-from gtpin.diagnosis.noise import SearchState, readmit_outliers, settle
+from gtpin.diagnosis.noise import SearchState, searchable_rows, settle
 from gtpin.diagnosis.prepare import prepare
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.propose import propose
@@ -75,7 +75,7 @@ def _settled(case: int) -> tuple[SearchState, Scope, dict[tuple[str, str], float
         warnings.simplefilter("ignore", gtpin.GtpinWarning)
         try:
             prepared = prepare(drawn.dataset, robot)
-            rows = readmit_outliers(prepared, scope.priors)
+            rows = searchable_rows(prepared, scope.priors)
             settled = settle(prepared, rows, scope, np.random.default_rng(0))
         except GtpinError:
             return None

@@ -9,14 +9,14 @@ from math import exp, sqrt
 
 import numpy as np
 
-from gtpin.diagnosis.evidence import without
+from gtpin.diagnosis.evidence import Posterior, without
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
 from gtpin.diagnosis.priors import CLASS_SHARE
-from gtpin.diagnosis.search import Explanation, Gain, HypothesisSet, causes, with_its_lines
+from gtpin.diagnosis.search import Gain, HypothesisSet, causes, with_lines
 
 
 @dataclass(frozen=True)
-class Contender:
+class ClassMember:
     """A hypothesis that could be the cause, with its probability.
 
     ``hypothesis``, ``probability``: the hypothesis, and how probable it is. ``recorded``: false where only a proxy shows it.
@@ -29,9 +29,9 @@ class Contender:
     beside: Hypothesis | None = None
 
 
-def contenders(
-    hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unlisted: bool = False
-) -> tuple[Contender, ...]:
+def class_of(
+    hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis, unlisted: bool = False
+) -> tuple[ClassMember, ...]:
     """The class of a cause, the most probable member first. Smooth terms share the probability but are not members.
 
     ``unlisted``: as for :func:`ranked`.
@@ -46,15 +46,15 @@ class Ranking:
     """Everything that could be in the place of a cause, the most probable first.
 
     ``named``: every hypothesis with its probability. ``smooth``: smooth terms with the probability of each if it were the only
-    one. ``heat``: the temperature by which gains in log evidence were divided.
+    one. ``temperature``: the temperature by which gains in log evidence were divided.
     """
 
-    named: tuple[Contender, ...]
+    named: tuple[ClassMember, ...]
     smooth: tuple[tuple[SmoothTerm, float], ...]
-    heat: float
+    temperature: float
 
 
-def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unlisted: bool = False) -> Ranking:
+def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis, unlisted: bool = False) -> Ranking:
     """Everything that could be in the place of a cause, with its probability.
 
     A hypothesis that only a proxy shows is at most as probable as the most probable one that recorded covariates show.
@@ -64,22 +64,25 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unl
     gains = hypotheses.gains(rest, hypotheses.named)
     mine = cause.template
     priors = hypotheses.priors
-    lined = _with_lines(hypotheses, rest, gains, cause)
-    if cause.further or lined:  # all its lines together; if others have lines, with all scales estimated, as for those
+    others = _with_lines(hypotheses, rest, gains, cause)
+    if cause.further or others:  # all its lines together; if others have lines, with all scales estimated, as for those
         gained = model.log_evidence - rest.log_evidence - priors.line * len(cause.further)
         gains[mine] = Gain(max(gains[mine].value, gained), cause)
-    gains |= lined
+    gains |= others
     own = max(gains[mine].value, 0.0)
-    heat = priors.heat(own)
+    temperature = priors.temperature_of(own)
     found = {h: gain.term if isinstance(gain.term, Hypothesis) else h for h, gain in gains.items()}
     found[mine] = cause
     # Prior odds differ because a hypothesis at the site of a stronger cause may be that cause's departure from its equation.
     costs = {h: sum(hypotheses.costs((*rest.terms, h)).values()) for h in (*gains, mine)}
     # It may be so; where it explains as much as the cause, it stays in the class.
-    log = {h: gain.value / heat - min((costs[h] - costs[mine]) / heat, priors.imitation) for h, gain in gains.items()}
+    log = {
+        h: gain.value / temperature - min((costs[h] - costs[mine]) / temperature, priors.imitation)
+        for h, gain in gains.items()
+    }
     likeliest, by_proxy = max(log.values()), set()
     for proxy, gain in hypotheses.gains(rest, hypotheses.proxies).items():
-        value = gain.value / heat + float(np.log(proxy.odds))
+        value = gain.value / temperature + float(np.log(proxy.odds))
         if value > log.get(proxy.hypothesis, -np.inf):
             log[proxy.hypothesis] = min(value, likeliest)
             by_proxy.add(proxy.hypothesis)
@@ -97,23 +100,23 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unl
         return priors.unnamed + (0.0 if hypotheses.modulates(term, (cause,)) else priors.departure * own)
 
     smooth = {
-        s: log[mine] + (gain.value - gains[mine].value) / sqrt(heat) - priors.same_clock
+        s: log[mine] + (gain.value - gains[mine].value) / sqrt(temperature) - priors.same_clock
         if frozenset(s.over) == clock
-        else (gain.value - (0.0 if unlisted else against_smooth(s))) / heat
+        else (gain.value - (0.0 if unlisted else against_smooth(s))) / temperature
         for s, gain in against.items()
     }
     top = max([*log.values(), *smooth.values()])  # large numbers would round their sum
     weight = {term: float(np.exp(value - top)) for term, value in (*log.items(), *smooth.items())}
     whole = sum(weight[h] for h in log) + max((weight[term] for term in smooth), default=0.0)
     probability = {h: weight[h] / whole for h in log}
-    every = [Contender(found.get(h, h), p, h not in by_proxy) for h, p in probability.items()]
+    every = [ClassMember(found.get(h, h), p, h not in by_proxy) for h, p in probability.items()]
     named = _ordered(every, cause)
     shares = ((term, weight[term] / whole) for term in smooth)
-    return Ranking(named, tuple(sorted(shares, key=lambda share: -share[1])), heat)
+    return Ranking(named, tuple(sorted(shares, key=lambda share: -share[1])), temperature)
 
 
 def _with_lines(
-    hypotheses: HypothesisSet, rest: Explanation, gains: Mapping[Hypothesis, Gain], cause: Hypothesis
+    hypotheses: HypothesisSet, rest: Posterior[Term], gains: Mapping[Hypothesis, Gain], cause: Hypothesis
 ) -> dict[Hypothesis, Gain]:
     """Gains, with all their lines, of the other periodic errors at a cause's site whose first line exceeds its prior odds."""
     found: dict[Hypothesis, Gain] = {}
@@ -123,9 +126,9 @@ def _with_lines(
         if hypothesis.effect.most_values < 2 or hypothesis.site != cause.site or hypothesis == cause.template:
             continue
         if gain.value > hypotheses.cost(hypothesis) and isinstance(gain.term, Hypothesis):
-            lined = with_its_lines(hypotheses, rest, gain.term)
-            term = next(t for t in lined.terms if isinstance(t, Hypothesis) and t.place == hypothesis.place)
-            value = lined.log_evidence - rest.log_evidence - hypotheses.priors.line * len(term.further)
+            larger = with_lines(hypotheses, rest, gain.term)
+            term = next(t for t in larger.terms if isinstance(t, Hypothesis) and t.place == hypothesis.place)
+            value = larger.log_evidence - rest.log_evidence - hypotheses.priors.line * len(term.further)
             found[hypothesis] = Gain(max(value, gain.value), term)
     return found
 
@@ -144,7 +147,7 @@ def unnamed(hypotheses: HypothesisSet, cause: Term) -> list[SmoothTerm]:
     return [s for s in hypotheses.smooth if not hypotheses.modulates(s, known)]
 
 
-Classes = Mapping[Hypothesis, tuple[Contender, ...]]
+Classes = Mapping[Hypothesis, tuple[ClassMember, ...]]
 FIRSTS = 4
 """Number of hypotheses that are tried as the first of the two. Assumed: the computing time is proportional to it."""
 LEAST_SHARE = 0.5
@@ -152,7 +155,7 @@ LEAST_SHARE = 0.5
 cause, the larger explains at least half of it."""
 
 
-def with_two_instead(hypotheses: HypothesisSet, model: Explanation, classes: Classes) -> Classes:
+def with_two_instead(hypotheses: HypothesisSet, model: Posterior[Term], classes: Classes) -> Classes:
     """The classes with two hypotheses in the place of one cause, and of two causes at once, where they are probable enough.
 
     Two that could together be in the place of one cause have each half of the probability of both, so that the probabilities
@@ -175,7 +178,7 @@ def with_two_instead(hypotheses: HypothesisSet, model: Explanation, classes: Cla
             continue
         known = {m.hypothesis.place: replace(m, probability=m.probability / whole) for m in members}
         for hypothesis, other in (best[1], best[1][::-1]):
-            alone = known.get(hypothesis.place, Contender(hypothesis, 0.0, beside=other))
+            alone = known.get(hypothesis.place, ClassMember(hypothesis, 0.0, beside=other))
             known[hypothesis.place] = replace(alone, probability=alone.probability + each)
         found[cause] = _ordered(known.values(), cause)
     for pair in combinations(causes(model), 2):
@@ -190,29 +193,29 @@ def with_two_instead(hypotheses: HypothesisSet, model: Explanation, classes: Cla
             leader = _own_probability(members, cause)
             whole = 1.0 + odds * leader
             kept = [replace(m, probability=m.probability / whole) for m in members]
-            found[cause] = _ordered([*kept, Contender(other, odds * leader / whole)], cause)
+            found[cause] = _ordered([*kept, ClassMember(other, odds * leader / whole)], cause)
     return found
 
 
-def _own_probability(members: Iterable[Contender], cause: Hypothesis) -> float:
+def _own_probability(members: Iterable[ClassMember], cause: Hypothesis) -> float:
     return next(m.probability for m in members if m.hypothesis.place == cause.place)
 
 
-def _ordered(members: Iterable[Contender], cause: Hypothesis) -> tuple[Contender, ...]:
+def _ordered(members: Iterable[ClassMember], cause: Hypothesis) -> tuple[ClassMember, ...]:
     """Members by probability, the largest first; of equal ones the cause."""
     return tuple(sorted(members, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
 
 
-def _odds_of_two(hypotheses: HypothesisSet, other: Explanation, model: Explanation, own: float) -> float:
+def _odds_of_two(hypotheses: HypothesisSet, other: Posterior[Term], model: Posterior[Term], own: float) -> float:
     """Odds, at most 1, of ``other`` over ``model``. ``own``: gain, nats, in ``model`` of the causes that ``other`` replaces."""
     ahead = hypotheses.log_posterior(other) - hypotheses.log_posterior(model)
-    return exp(min(ahead / hypotheses.priors.heat(own), 0.0))
+    return exp(min(ahead / hypotheses.priors.temperature_of(own), 0.0))
 
 
 def _best_two(
-    hypotheses: HypothesisSet, rest: Explanation, out: Sequence[Hypothesis], least: float
-) -> tuple[Explanation, tuple[Hypothesis, Hypothesis]] | None:
-    """The model of largest worth with two hypotheses beside ``rest``, and these two.
+    hypotheses: HypothesisSet, rest: Posterior[Term], out: Sequence[Hypothesis], least: float
+) -> tuple[Posterior[Term], tuple[Hypothesis, Hypothesis]] | None:
+    """The model of largest log posterior with two hypotheses beside ``rest``, and these two.
 
     Neither is one of ``out``, and the first gains at least ``least``, nats.
     """
@@ -220,7 +223,7 @@ def _best_two(
     plain = [h for h in hypotheses.named if h not in scanned and h.place not in places]
     gains = hypotheses.gains(rest, plain)
     firsts = sorted((h for h in gains if gains[h].value >= least), key=lambda h: -gains[h].value)[:FIRSTS]
-    found: list[tuple[Explanation, tuple[Hypothesis, Hypothesis]]] = []
+    found: list[tuple[Posterior[Term], tuple[Hypothesis, Hypothesis]]] = []
     for first in firsts:
         one = hypotheses.extended(rest, first)
         more: dict[Hypothesis, Gain] = hypotheses.net_gains(one, [h for h in plain if h != first])

@@ -35,7 +35,7 @@ from gtpin.diagnosis.noise import (
     SearchState,
     ShownNoise,
     floor_of,
-    readmit_outliers,
+    searchable_rows,
     settle,
     understated_noise,
     warn_of_noise,
@@ -231,7 +231,7 @@ def _diagnose(
     if dataset.drivers:
         scope = replace(scope, effects=(*known, *driver_effects(dataset, nominal, _instrument(prepared))))
     report("searching for causes", 0, float(np.sqrt(prepared.baseline.chi2_per_dof)))
-    settled = settle(prepared, readmit_outliers(prepared, priors), scope, rng)
+    settled = settle(prepared, searchable_rows(prepared, priors), scope, rng)
     inferred = infer(settled)
     report("fitting causes and geometry together", 0, float("nan"))
     fitted = fit(prepared, settled, inferred, rng, hold_out)

@@ -105,9 +105,9 @@ def most_telling(predictions: Sequence[Prediction], pairs: Sequence[Pair], count
             trace = (inverses[rival] * (np.eye(c) + errors[i] @ np.swapaxes(errors[i], 1, 2))).sum(axis=(1, 2))
             squared = np.einsum("ni,nij,nj->n", shifts[i], inverses[rival], shifts[i])
             steps[i] = 0.5 * (trace + squared - c + (logs[rival] - logs[true]))
-        worth = (weights * np.log1p(gains[:, None] + steps)).sum(axis=0)
-        worth[chosen] = -np.inf
-        best = int(worth.argmax())
+        criterion = (weights * np.log1p(gains[:, None] + steps)).sum(axis=0)
+        criterion[chosen] = -np.inf
+        best = int(criterion.argmax())
         chosen.append(best)
         gains = gains + steps[:, best]
         for i, (_, rival, _) in enumerate(pairs):
@@ -136,14 +136,13 @@ def _known(spread: Floats, row: int, covariances: Floats) -> Floats:
 class Rivals:
     """The hypotheses of a class, then the smooth terms in their place, with their predictions and probabilities.
 
-    ``named``: number of hypotheses. Of the smooth terms only the most probable counts, as in the diagnosis. ``heat``: the
-    temperature of the diagnosis.
-    """
+    ``named``: number of hypotheses. Of the smooth terms only the most probable counts, as in the diagnosis. ``temperature``:
+    the temperature of the diagnosis."""
 
     predictions: Sequence[Prediction]
     probabilities: Sequence[float]
     named: int
-    heat: float
+    temperature: float
 
     def settling_probability(self, rows: Rows, rng: np.random.Generator, rounds: int = 1) -> float:
         """Probability that one hypothesis has a probability of 0.95 or more after some rows are measured ``rounds`` times.
@@ -159,7 +158,7 @@ class Rivals:
         true = rng.choice(n, SIMULATED, p=share[:n] / share[:n].sum())
         noise = rng.standard_normal((SIMULATED, len(means[0])))
         measured = np.stack([means[t] + factors[t] @ z for t, z in zip(true, noise, strict=True)], axis=1)
-        gain = np.stack([_log_density(measured, *p) for p in zip(means, factors, strict=True)]) / self.heat
+        gain = np.stack([_log_density(measured, *p) for p in zip(means, factors, strict=True)]) / self.temperature
         with np.errstate(divide="ignore"):
             after = np.log(share)[:, None] + gain
             named, smooth = after[:n], after[n:].max(axis=0, initial=-np.inf)
@@ -202,15 +201,14 @@ NONE_EXPECTED = 0.1
 class CauseClass:
     """A fitted cause and its scale, with the members of its class and their probabilities; the cause is one of them.
 
-    Where the cause is alone in its class and not sure, the next hypothesis in probability is added. ``heat``: the temperature
-    of the diagnosis. ``smooth``: the most probable smooth terms in the place of the cause, each with its probability if it were
-    the only one.
-    """
+    Where the cause is alone in its class and not sure, the next hypothesis in probability is added. ``temperature``: the
+    temperature of the diagnosis. ``smooth``: the most probable smooth terms in the place of the cause, each with its
+    probability if it were the only one."""
 
     cause: Hypothesis
     scale: float
     members: tuple[tuple[Hypothesis, float], ...]
-    heat: float = PRIORS.temperature
+    temperature: float = PRIORS.temperature
     smooth: tuple[tuple[SmoothTerm, float], ...] = ()
     priors: Priors = PRIORS
 
@@ -230,7 +228,7 @@ def discriminate(
     at = trials.design.operating_points
 
     def prediction(basis: Displacement) -> Prediction:
-        """The prediction of an explanation given the other causes, at the scale that the measured rows give it."""
+        """The prediction of a term given the other causes, at the scale that the measured rows give it."""
         design, old = trials.design, trials.old
         X = design.columns(basis)
         groups: Groups[str] = Groups(Marginal(np.hstack([design.B, others])[old]), design.y[old])
@@ -264,7 +262,7 @@ def discriminate(
     smooth = [(t, b) for t, b in smooth_terms(at, own.priors) if t in share and t.motion not in COMMON] if share else []
     every = [*predictions, *(prediction(basis) for _, basis in smooth)]
     shares = [*probabilities, *(share[term] for term, _ in smooth)]
-    settles, rounds = Rivals(every, shares, len(predictions), own.heat).rounds_needed(rows, rng)
+    settles, rounds = Rivals(every, shares, len(predictions), own.temperature).rounds_needed(rows, rng)
     return replace(
         found,
         poses=trials.q[rows],

@@ -13,15 +13,15 @@ from scipy.special import logsumexp
 
 from gtpin.data import Dataset
 from gtpin.data.duplicates import command_steps
-from gtpin.diagnosis.classes import Contender, _ordered, _own_probability, contenders, unnamed
+from gtpin.diagnosis.classes import ClassMember, _ordered, _own_probability, class_of, unnamed
 from gtpin.diagnosis.design import Design, Observed
-from gtpin.diagnosis.evidence import NOTHING, without
+from gtpin.diagnosis.evidence import NOTHING, Posterior, without
 from gtpin.diagnosis.gap import leave_out
-from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm
+from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
 from gtpin.diagnosis.noise import ShownNoise, floor_of, left_over
 from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS, UNDECIDED, Priors
 from gtpin.diagnosis.result import Cause, Doubt, FlexibleFamily, Gap, Question
-from gtpin.diagnosis.search import Explanation, HypothesisSet
+from gtpin.diagnosis.search import HypothesisSet
 from gtpin.diagnosis.verdict import Conclusion, size, weak
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import warn
@@ -42,7 +42,7 @@ def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
     by their forms, and the cause is the likeliest of them. Otherwise the family says where the error is and over what, but not
     why: it is a doubt where it explains more than a small part of the gap, and no cause. Where its class is undecided it stays.
     """
-    told, doubts, mechanisms = [], [], set(found.mechanisms)
+    families, doubts, mechanisms = [], [], set(found.mechanisms)
     for cause, members in found.classes.items():
         if cause.effect.nature != "description" or members[0].probability < UNDECIDED:
             continue
@@ -53,18 +53,18 @@ def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
         else:
             over = tuple(sorted(cause.drivers(hypotheses.design.operating_points.robot)))
             own = next(m.probability for m in members if m.hypothesis.place == cause.place)
-            told.append(FlexibleFamily(*cause.place, over, size(hypotheses, found.model, cause), own))
+            families.append(FlexibleFamily(*cause.place, over, size(hypotheses, found.model, cause), own))
             if not weak(hypotheses, found.model, cause):
                 doubts.append(Doubt("description", cause.site, over))
-    found = replace(found, mechanisms=frozenset(mechanisms), descriptions=(*found.descriptions, *told))
-    if not told:
+    found = replace(found, mechanisms=frozenset(mechanisms), descriptions=(*found.descriptions, *families))
+    if not families:
         return found
-    places = {(d.effect, d.site) for d in told}
+    places = {(d.effect, d.site) for d in families}
     kept = found.only(hypotheses, [cause for cause in found.classes if cause.place not in places])
     return kept.named_beside_unknown(hypotheses).doubted(*doubts) if doubts else kept
 
 
-def _by_forms(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> dict[Hypothesis, float]:
+def _by_forms(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis) -> dict[Hypothesis, float]:
     """Gain in log evidence, nats, of each flexible family in the place of one by its forms; empty where all gain too little.
 
     Enough is what the family itself gains and what any smooth term gains, less their prior odds: what they gain beyond forms
@@ -82,7 +82,7 @@ def _by_forms(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) 
     return gains if max(gains.values()) >= least else {}
 
 
-def _gain_of_forms(hypotheses: HypothesisSet, rest: Explanation, family: Hypothesis) -> float:
+def _gain_of_forms(hypotheses: HypothesisSet, rest: Posterior[Term], family: Hypothesis) -> float:
     """Gain of a family's forms: chosen one after the other, each against the prior odds of a choice among all of them.
 
     The forms become groups of ``hypotheses``, once.
@@ -107,15 +107,17 @@ def _likeliest_forms(
     hypotheses: HypothesisSet, found: Conclusion, cause: Hypothesis, by_forms: Mapping[Hypothesis, float]
 ) -> tuple[Conclusion, Hypothesis]:
     """The conclusion with the families in a cause's class by the gain of their forms; the likeliest of them is the cause."""
-    heat = hypotheses.priors.heat(by_forms[cause])
+    temperature = hypotheses.priors.temperature_of(by_forms[cause])
     own = _own_probability(found.classes[cause], cause)
     probability = {m.hypothesis: m.probability for m in found.classes[cause]}
     for family, gain in by_forms.items():
-        probability[family] = max(probability.get(family, 0.0), own * exp(min((gain - by_forms[cause]) / heat, 700.0)))
+        probability[family] = max(
+            probability.get(family, 0.0), own * exp(min((gain - by_forms[cause]) / temperature, 700.0))
+        )
     before = {m.hypothesis: m for m in found.classes[cause]}
     whole = max(sum(probability.values()), 1.0)
     likeliest = max(by_forms, key=lambda family: probability[family])
-    members = [replace(before.get(h, Contender(h, 0.0)), probability=p / whole) for h, p in probability.items()]
+    members = [replace(before.get(h, ClassMember(h, 0.0)), probability=p / whole) for h, p in probability.items()]
     least = CLASS_SHARE * max(m.probability for m in members)
     members = [m for m in members if m.probability >= least or m.hypothesis == likeliest]
     terms = [likeliest if term == cause else term for term in found.model.terms]
@@ -282,7 +284,7 @@ class DriveErrors:
         return np.asarray((weight * (self.errors**2 - self.variance)).sum(axis=0) / weight.sum(axis=0))
 
 
-def drive_errors(hypotheses: HypothesisSet, model: Explanation, noise: ReadingNoise) -> DriveErrors | None:
+def drive_errors(hypotheses: HypothesisSet, model: Posterior[Term], noise: ReadingNoise) -> DriveErrors | None:
     """Errors along each drive that remain after the geometry and a model were fitted.
 
     None where a pose has too few measured components to determine the errors of all drives.
@@ -398,7 +400,7 @@ def held_out(
     if chance <= priors.chance and (far or (silent and size > priors.excess)):
         # Something acts that no effect describes: a smooth term may as well be in the place of a certain cause.
         model = found.whole(hypotheses)
-        again = {cause: contenders(hypotheses, model, cause, unlisted=True) for cause in found.sure()}
+        again = {cause: class_of(hypotheses, model, cause, unlisted=True) for cause in found.sure()}
         doubt = Doubt("part", part) if part else Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out")
         return replace(found, classes={**found.classes, **again}).doubted(doubt)
     return found

@@ -12,10 +12,10 @@ import numpy.typing as npt
 from gtpin.calibration.left_out import LeftOutBlock
 from gtpin.data import Dataset, by_region, random
 from gtpin.diagnosis.design import Design
-from gtpin.diagnosis.evidence import given, marginal_power
+from gtpin.diagnosis.evidence import Posterior, given, marginal_power
 from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term
 from gtpin.diagnosis.result import Correlate, Gap, HoldOut, InstrumentGap, Turns, Unexplained, Where
-from gtpin.diagnosis.search import Explanation, Gain, HypothesisSet
+from gtpin.diagnosis.search import Gain, HypothesisSet
 from gtpin.diagnosis.smooth_terms import COMMON
 from gtpin.diagnosis.verdict import Conclusion
 from gtpin.distributions import chi2
@@ -136,7 +136,7 @@ def gap(
 def instrument_gaps(
     design: Design, alone: LeftOut, whole: LeftOut, floor: Floats, inferred: Floats
 ) -> tuple[InstrumentGap, ...]:
-    """Errors of each instrument's left-out readings; none for a lone tracker. ``floor``, ``inferred``: as for `gap`."""
+    """Errors of each instrument's left-out readings; none for a single tracker. ``floor``, ``inferred``: as for `gap`."""
     readings = design.measured
     if not readings.rows.names:
         return ()
@@ -415,7 +415,7 @@ MOST_CORRELATES = 5
 """Most sites and coordinates that are reported."""
 
 
-def unexplained(hypotheses: HypothesisSet, model: Explanation, unknown: bool) -> Unexplained:
+def unexplained(hypotheses: HypothesisSet, model: Posterior[Term], unknown: bool) -> Unexplained:
     """Chi-square of the residuals of a model, and the smooth terms that correlate with them.
 
     ``model``: the named causes. ``unknown``: whether something unknown is assumed as well.
@@ -440,7 +440,7 @@ def unexplained(hypotheses: HypothesisSet, model: Explanation, unknown: bool) ->
         p_value = float(chi2.sf(statistic, kept.sum()))
         if p_value < hypotheses.priors.seen:
             most = most if correlates else gains[smooth].value
-            odds = float(np.exp((gains[smooth].value - most) / hypotheses.priors.heat(most)))
+            odds = float(np.exp((gains[smooth].value - most) / hypotheses.priors.temperature_of(most)))
             correlates[smooth.site, smooth.over] = Correlate(smooth.site, smooth.words, p_value, smooth.motion, odds)
     share = float(np.clip((power - dof) / excess, 0.0, 1.0)) if excess > 1e-9 else 0.0
     best = tuple(correlates.values())
@@ -448,7 +448,7 @@ def unexplained(hypotheses: HypothesisSet, model: Explanation, unknown: bool) ->
     return Unexplained(share, float(chi2.sf(power, dof)), best, could_be)
 
 
-def _could_be(hypotheses: HypothesisSet, model: Explanation) -> tuple[tuple[str, str], ...]:
+def _could_be(hypotheses: HypothesisSet, model: Posterior[Term]) -> tuple[tuple[str, str], ...]:
     """Effect and site of untestable effects whose proxies gain nearly as much as the best smooth term, the best first."""
     priors = hypotheses.priors
     best = max((gain.value for gain in hypotheses.gains(model, hypotheses.smooth).values()), default=0.0)

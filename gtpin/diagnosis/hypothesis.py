@@ -137,7 +137,7 @@ class SmoothTerm:
 
 
 def related(robot: Chain, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm) -> bool:
-    """Whether a deviation of one explanation from its equation could look like the other explanation.
+    """Whether a deviation of one term from its equation could look like the other term.
 
     At the same place: where both depend on commands or load, or both on directions of approach or speeds, or both on
     coordinates that change with time. At different places: where both depend on coordinates that change with time, or both on
@@ -150,7 +150,7 @@ def related(robot: Chain, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm
 
 
 def same_place(robot: Chain, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm) -> bool:
-    """Whether two explanations act at one site, or one of them at a part of the other's site."""
+    """Whether two terms act at one site, or one of them at a part of the other's site."""
     return a.site == b.site or b.site in _within(robot, a.site) or a.site in _within(robot, b.site)
 
 

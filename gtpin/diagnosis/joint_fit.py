@@ -227,12 +227,12 @@ def cause(
     parameters = estimates(model.robot, active, hypothesis)
     members = []
     for contender, member in zip(found.classes[named], found.members(named), strict=True):
-        other, told = contender.hypothesis, parameters
+        other, values = contender.hypothesis, parameters
         if other.place != hypothesis.place:
             alone = contender.recorded and contender.beside is None
             taken = alone and _in_its_place(hypotheses, found, named, other, active.references)
-            told = estimates(model.robot, taken, other) if taken else {}
-        members.append(replace(member, parameters=told))
+            values = estimates(model.robot, taken, other) if taken else {}
+        members.append(replace(member, parameters=values))
     return Cause(*hypothesis.place, own.probability, tuple(members), parameters, 0.0, found.nature(hypothesis))
 
 

@@ -60,7 +60,9 @@ def classes(found: Conclusion, causes: Sequence[Cause], hypotheses: HypothesisSe
             others = (m for m in every.named if m.hypothesis.place != cause.place)
             members += [(m.hypothesis, m.probability) for m in others][:1]
         smooth = every.smooth[:RIVALS]
-        named.append(CauseClass(cause, found.scale[cause], tuple(members), every.heat, smooth, hypotheses.priors))
+        named.append(
+            CauseClass(cause, found.scale[cause], tuple(members), every.temperature, smooth, hypotheses.priors)
+        )
     return named
 
 
@@ -252,8 +254,8 @@ def _experiments(
             continue
         rows, gain, random = best_rows(trials, predictions, pairs, poses, rng)
         effects, set_too = tuple(hypothesis.place for hypothesis in shown), chosen(trials, rows, words)
-        told = (effects, trials.q[rows], set_too, gain, random, known.observed.temperature)
-        yield Experiment("make_testable", robot, *told, lacking=lacking)
+        found = (effects, trials.q[rows], set_too, gain, random, known.observed.temperature)
+        yield Experiment("make_testable", robot, *found, lacking=lacking)
         hidden = [member for member in members if member not in shown]
         break
     if hidden:

@@ -14,13 +14,13 @@ from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.data.instrument_tables import SocketTable
 from gtpin.diagnosis.design import Design, Observed
-from gtpin.diagnosis.evidence import NOTHING
-from gtpin.diagnosis.hypothesis import Scope
+from gtpin.diagnosis.evidence import NOTHING, Posterior
+from gtpin.diagnosis.hypothesis import Scope, Term
 from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import Priors
 from gtpin.diagnosis.propose import propose
 from gtpin.diagnosis.result import Source
-from gtpin.diagnosis.search import MOST_TERMS, Explanation, HypothesisSet, rough_guess
+from gtpin.diagnosis.search import MOST_TERMS, HypothesisSet, rough_guess
 from gtpin.distributions import chi2, f
 from gtpin.effects.operating_points import OperatingPoints, References
 from gtpin.effects.sites import loaded_along
@@ -35,7 +35,7 @@ NOISE_CHANGED = 0.03
 """Relative change of the noise's variance, or mean change of a weight, above which the search is repeated."""
 
 
-def left_over(hypotheses: HypothesisSet, model: Explanation) -> tuple[Floats, float]:
+def left_over(hypotheses: HypothesisSet, model: Posterior[Term]) -> tuple[Floats, float]:
     """(N, c) whitened residuals after the geometry and a model were fitted, and the effective number of parameters of both."""
     design = hypotheses.design
     J, prior = design.beside(hypotheses.columns(model))
@@ -44,7 +44,7 @@ def left_over(hypotheses: HypothesisSet, model: Explanation) -> tuple[Floats, fl
     return (design.y - J @ both[:, 0]).reshape(-1, design.components), float(np.trace(both[:, 1:]))
 
 
-def gross_errors(hypotheses: HypothesisSet, model: Explanation) -> npt.NDArray[np.bool_]:
+def gross_errors(hypotheses: HypothesisSet, model: Posterior[Term]) -> npt.NDArray[np.bool_]:
     """(N,) True for gross errors: neither a model nor noise with the size and tails of the other poses explains them.
 
     Readings are compared with readings of the same sigma. If one number of a table's row is a gross error, the whole row is.
@@ -69,18 +69,17 @@ class Reestimated:
     """The re-estimated noise.
 
     ``observed``: the poses, with this noise and their weights. ``matters``: whether the noise has changed so much that the
-    search must be repeated. ``restless``: site of an actuator whose errors differ from pose to pose by more than repeated
-    visits scatter: a deviation that changes too fast along the travel for any smooth term, and is no noise. None where
-    there is no such actuator.
-    """
+    search must be repeated. ``drive_beyond_noise``: site of an actuator whose errors differ from pose to pose by more than
+    repeated visits scatter: a deviation that changes too fast along the travel for any smooth term, and is no noise. None where
+    there is no such actuator."""
 
     observed: Observed
     matters: bool
-    restless: str | None
+    drive_beyond_noise: str | None
 
 
 def reestimate_noise(
-    observed: Observed, hypotheses: HypothesisSet, model: Explanation, declared: Sequence[float | None] = ()
+    observed: Observed, hypotheses: HypothesisSet, model: Posterior[Term], declared: Sequence[float | None] = ()
 ) -> Reestimated:
     """Estimate repeatability, sigmas that were not declared, and weights of the rows from a model's residuals. By maximum
     likelihood, of Gaussian noise or of noise with heavy tails, whichever is larger.
@@ -113,23 +112,23 @@ def reestimate_noise(
             shrunk[some] = weight[some] * tails.scale**2
     if (weight != 1.0).any():
         found = _bounded(likeliest(noise, errors, J, shrunk), least)
-    restless = None
+    drive = None
     if len(scatter) >= LEAST_CONTRASTS:
         grid = found.repeatability * np.linspace(0.0, 1.0, 41)
         most = most_repeatability(found.take(rows), scatter, J[rows], grid, priors)
         if found.repeatability > most:
             found = replace(found, repeatability=most)
-            restless = (
-                None if noise.estimated.any() else _most_restless(found, errors, design, model.log_evidence, priors)
+            drive = (
+                None if noise.estimated.any() else _drive_by_score(found, errors, design, model.log_evidence, priors)
             )
-            if restless is not None:
+            if drive is not None:
                 weight = np.ones(len(errors))  # these errors are no noise, so their tails say nothing about the noise
     before, after = (
         np.diagonal(n.covariance(J, design.components), axis1=1, axis2=2)[:, design.compared] for n in (noise, found)
     )
     changed = abs(float((after / before).mean()) - 1.0) > NOISE_CHANGED
     changed = changed or float(np.abs(weight - observed.weight).mean()) > NOISE_CHANGED
-    return Reestimated(replace(observed, noise=found, weight=weight), changed, restless)
+    return Reestimated(replace(observed, noise=found, weight=weight), changed, drive)
 
 
 def _bounded(noise: ReadingNoise, least: Floats) -> ReadingNoise:
@@ -138,7 +137,7 @@ def _bounded(noise: ReadingNoise, least: Floats) -> ReadingNoise:
     return replace(found, sigma=np.maximum(found.sigma, least))
 
 
-def tails_of(observed: Observed, hypotheses: HypothesisSet, model: Explanation) -> dict[int, Tails]:
+def tails_of(observed: Observed, hypotheses: HypothesisSet, model: Posterior[Term]) -> dict[int, Tails]:
     """Tails of the noise, by kind of the rows, where their weights are not 1. With them a fit weighs rows that the search did
     not use."""
     if (observed.weight == 1.0).all():
@@ -169,7 +168,9 @@ def misfit(noise: ReadingNoise, scatter: Floats, J: Floats) -> float:
     return float(np.linalg.slogdet(covariance)[1].sum() + (scatter * solved).sum())
 
 
-def _most_restless(noise: ReadingNoise, errors: Floats, design: Design, explained: float, priors: Priors) -> str | None:
+def _drive_by_score(
+    noise: ReadingNoise, errors: Floats, design: Design, explained: float, priors: Priors
+) -> str | None:
     """The actuator along whose motion the errors (N, c), m and rad, exceed the noise most, by a score test; None where none
     does.
 
@@ -183,7 +184,7 @@ def _most_restless(noise: ReadingNoise, errors: Floats, design: Design, explaine
     )
 
 
-def restless_drive(hypotheses: HypothesisSet, model: Explanation, sites: Sequence[str]) -> str | None:
+def drive_beyond_noise(hypotheses: HypothesisSet, model: Posterior[Term], sites: Sequence[str]) -> str | None:
     """The one of some actuators along whose motion the residuals of a model exceed the noise most; None where none does."""
     design = hypotheses.design
     own = design.by_command[:, :, [design.operating_points.robot.sites.index(site) for site in sites]]
@@ -198,7 +199,7 @@ def _beyond_noise(score: Floats, size: Floats, sites: Sequence[str], explained: 
     z = excess / np.sqrt(2.0 * (size**2).sum(axis=0))
     best = int(np.argmax(z))
     tolerated = priors.core_leaves * 2.0 * max(explained, 0.0)
-    return sites[best] if z[best] > priors.restless and excess[best] / size[:, best].mean() > tolerated else None
+    return sites[best] if z[best] > priors.drive_excess and excess[best] / size[:, best].mean() > tolerated else None
 
 
 MOST_COMPARED = 1000
@@ -231,7 +232,7 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
         return {}  # the smaller of the two estimates is no larger: no search is needed
     noise = replace(observed.noise.scaled(float(np.sqrt(baseline.chi2_per_dof))), repeatability=0.0)
     noise = replace(noise, estimated=np.ones_like(noise.estimated))
-    guess: Explanation = NOTHING
+    guess: Posterior[Term] = NOTHING
     for _ in range(NOISE_SEARCHES):
         now = replace(observed, noise=noise)
         hypotheses = propose(now.design(baseline.model), scope)
@@ -292,7 +293,7 @@ class ShownNoise:
     def of(
         observed: Observed,
         hypotheses: HypothesisSet,
-        guess: Explanation,
+        guess: Posterior[Term],
         declared: tuple[float | None, ...],
         priors: Priors,
     ) -> ShownNoise:
@@ -337,7 +338,7 @@ class ShownNoise:
         return floor_of(self.noise, design)
 
     def excess(
-        self, noise: ReadingNoise, observed: Observed, hypotheses: HypothesisSet, model: Explanation
+        self, noise: ReadingNoise, observed: Observed, hypotheses: HypothesisSet, model: Posterior[Term]
     ) -> tuple[float, float, str]:
         """Size of a model's residuals over ``noise`` or ``most``, its p-value, and whose residuals: "" for all.
 
@@ -358,7 +359,7 @@ class ShownNoise:
         part = rows.what(int(first[worst])) if worst < len(share) else ""
         return float(np.sqrt(ratio[worst])), float(chance[worst]), part
 
-    def share_left(self, observed: Observed, hypotheses: HypothesisSet, model: Explanation) -> float:
+    def share_left(self, observed: Observed, hypotheses: HypothesisSet, model: Posterior[Term]) -> float:
         """The chi-square beyond noise that a model's causes leave, as a share of that without causes."""
         beyond = []
         for some in (NOTHING, model):
@@ -368,7 +369,7 @@ class ShownNoise:
 
 
 def _power(
-    noise: ReadingNoise, observed: Observed, hypotheses: HypothesisSet, model: Explanation
+    noise: ReadingNoise, observed: Observed, hypotheses: HypothesisSet, model: Posterior[Term]
 ) -> tuple[Floats, float]:
     """(N,) weighted chi-square of a model's residuals, and the number of parameters that it takes."""
     design = hypotheses.design
@@ -411,7 +412,7 @@ class SearchState:
     searched: Dataset
     observed: Observed
     hypotheses: HypothesisSet
-    guess: Explanation
+    guess: Posterior[Term]
 
     @property
     def references(self) -> References:
@@ -427,14 +428,14 @@ def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generato
     The search uses at most ``MOST_POSES`` random rows; ``FEW_POSES`` for a robot without rods whose model is long.
     """
     kept, baseline = prepared.dataset.take(rows), prepared.baseline
-    readmitted = ~baseline.used(prepared.dataset)[rows]
+    among_outliers = ~baseline.used(prepared.dataset)[rows]
     drawn = rng.permutation(len(kept))
     everything = Observed.of(kept, baseline)
-    some = _part(drawn, readmitted, FEW_POSES if baseline.model.robot.joint_sites else MOST_POSES)
+    some = _part(drawn, among_outliers, FEW_POSES if baseline.model.robot.joint_sites else MOST_POSES)
     observed, used, hypotheses, guess = _reestimated(everything.take(some), prepared, scope)
     if len(some) < min(len(kept), MOST_POSES) and len(guess.terms) <= MOST_TERMS:
         del hypotheses, guess  # frees memory before the next are made
-        some = _part(drawn, readmitted, MOST_POSES)
+        some = _part(drawn, among_outliers, MOST_POSES)
         observed, used, hypotheses, guess = _reestimated(everything.take(some), prepared, scope)
     searched = kept.take(some[used])
     if len(some) == len(kept):
@@ -446,18 +447,18 @@ def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generato
     return SearchState(kept.take(good), everything, searched, observed, hypotheses, guess)
 
 
-def _part(drawn: npt.NDArray[np.intp], readmitted: Mask, most: int) -> npt.NDArray[np.intp]:
+def _part(drawn: npt.NDArray[np.intp], among_outliers: Mask, most: int) -> npt.NDArray[np.intp]:
     """Sorted indices of the first ``most`` rows of a permutation.
 
-    Up to half of them are rows that the calibration had set aside (``readmitted``, (N,)), so that their cause can be found.
+    Up to half of them are rows that the calibration had set aside (``among_outliers``, (N,)), so that their cause can be found.
     """
-    first = drawn[readmitted[drawn]][: most // 2]
-    return np.sort(np.concatenate([first, drawn[~readmitted[drawn]]])[:most])
+    first = drawn[among_outliers[drawn]][: most // 2]
+    return np.sort(np.concatenate([first, drawn[~among_outliers[drawn]]])[:most])
 
 
 def _reestimated(
     observed: Observed, prepared: Prepared, scope: Scope
-) -> tuple[Observed, Mask, HypothesisSet, Explanation]:
+) -> tuple[Observed, Mask, HypothesisSet, Posterior[Term]]:
     """Estimate outliers and noise again, given the model of a search.
 
     Returns the poses without outliers, (N,) which poses these are, their hypotheses, and the model of the last search.
@@ -467,7 +468,7 @@ def _reestimated(
     guess = rough_guess(hypotheses)
     # Where a cause is large, the calibration could not find the outliers.
     outliers = gross_errors(hypotheses, guess)
-    used = ~outliers | stand_together(hypotheses.design.operating_points, outliers, scope.priors)
+    used = ~outliers | clustered(hypotheses.design.operating_points, outliers, scope.priors)
     if not used.all() and guess.terms:
         observed = observed.take(used)
         del hypotheses  # frees memory before the next is made: it takes the most
@@ -486,14 +487,14 @@ def _reestimated(
     return observed, used, hypotheses, guess
 
 
-def readmit_outliers(prepared: Prepared, priors: Priors) -> Mask:
-    """(N,) the rows that a search uses: those of the calibration, and its outliers that stand together."""
+def searchable_rows(prepared: Prepared, priors: Priors) -> Mask:
+    """(N,) the rows that a search uses: those of the calibration, and its outliers that are clustered."""
     dataset, baseline = prepared.dataset, prepared.baseline
     used = baseline.used(dataset)
     rows = np.flatnonzero(baseline.model.kinematics.forward(dataset.q).reached & ~_in_sockets(dataset))
     if (~used[rows]).any():
         at = Observed.of(dataset.take(rows), baseline).operating_points(baseline.model)
-        together = rows[stand_together(at, ~used[rows], priors)]
+        together = rows[clustered(at, ~used[rows], priors)]
         used[together] = True
         if len(together):
             named = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[together]))
@@ -503,8 +504,8 @@ def readmit_outliers(prepared: Prepared, priors: Priors) -> Mask:
     return used
 
 
-def stand_together(at: OperatingPoints, outliers: Mask, priors: Priors) -> Mask:
-    """(N,) the outliers that stand together over a coordinate of the machine.
+def clustered(at: OperatingPoints, outliers: Mask, priors: Priors) -> Mask:
+    """(N,) the outliers that are clustered over a coordinate of the machine.
 
     Gross errors happen anywhere. Where at least half of the commands in an interval of one coordinate are outliers, something
     acts there: a pit of a track, play that a load takes up, a step near a track's end. For each interval that begins and ends
@@ -517,7 +518,7 @@ def stand_together(at: OperatingPoints, outliers: Mask, priors: Priors) -> Mask:
     bad = np.bincount(command, outliers) > 0
     count = int(bad.sum())
     together = np.zeros(len(bad), dtype=bool)
-    if count < priors.readmitted:
+    if count < priors.least_cluster:
         return together[command]
     # One row of each command: of those with outliers, an outlier, because directions of approach may differ.
     order = np.lexsort((~outliers, command))
@@ -530,9 +531,9 @@ def stand_together(at: OperatingPoints, outliers: Mask, priors: Priors) -> Mask:
         ends = np.unique(values[bad])
         low, high = (np.searchsorted(values[ordered], ends, side) for side in ("left", "right"))
         inside, hits = high[None] - low[:, None], before[high][None] - before[low][:, None]
-        dense = (hits >= priors.readmitted) & (2 * hits >= inside)
+        dense = (hits >= priors.least_cluster) & (2 * hits >= inside)
         chance = bdtrc(np.maximum(hits - 1, 0), np.maximum(inside, 1), count / len(bad)) * tries
-        for i, j in np.argwhere(dense & (chance < priors.together)):
+        for i, j in np.argwhere(dense & (chance < priors.cluster_chance)):
             together |= bad & (values >= ends[i]) & (values <= ends[j])
     return outliers & together[command]
 
@@ -545,6 +546,6 @@ def _coordinates(at: OperatingPoints) -> Floats:
 
 
 def _in_sockets(dataset: Dataset) -> Mask:
-    """(N,) rows of a ball in a socket: its visits have nearly the same command, so that its gross errors stand together."""
+    """(N,) rows of a ball in a socket: its visits have nearly the same command, so that its gross errors are clustered."""
     sockets = [i for i, table in enumerate(dataset.readings.tables) if isinstance(table, SocketTable)]
     return np.isin(dataset.readings.of, sockets)

@@ -37,17 +37,15 @@ from gtpin.effects.displacement import Displacement
 from gtpin.effects.untestable import Untestable
 from gtpin.typing import Floats
 
-Explanation = Posterior[Term]
-"""Some members of the hypothesis set together, each with its scale."""
 T = TypeVar("T", bound=Term)
 
 
 class Gain(NamedTuple):
-    """Gain by one more explanation.
+    """Gain by one more term.
 
-    ``value``: gain in log evidence, nats. ``term``: the explanation, with its nonlinear parameter estimated. ``further``: for a
-    periodic error that can have several lines: the other lines (period, sigma) that are worth adding with the first. ``more``:
-    additional gain by these lines less the prior odds against them, nats.
+    ``value``: gain in log evidence, nats. ``term``: the term, with its nonlinear parameter estimated. ``further``: for a
+    periodic error that can have several lines: the other lines (period, sigma) that gain enough to be added with the first.
+    ``more``: additional gain by these lines less the prior odds against them, nats.
     """
 
     value: float
@@ -69,7 +67,7 @@ class Untested(NamedTuple):
 
 
 class HypothesisSet:
-    """Explanations, and the inner products of their displacements.
+    """Terms, and the inner products of their displacements.
 
     A hypothesis with another value of its nonlinear parameter is another hypothesis. So a model that a search rejects does
     not change the models that it keeps.
@@ -77,7 +75,7 @@ class HypothesisSet:
     ``linear``: hypotheses without a nonlinear parameter. ``scanned``: hypotheses whose
     nonlinear parameter is scanned, without a value of it. ``smooth``: smooth terms with their displacements. ``scope``: gives
     the probability of a false alarm, and the priors. ``untested``: effects that can't be tested: those that lack a covariate
-    may have a proxy. ``of_sessions``: additional log prior odds against explanations that depend on the session, nats.
+    may have a proxy. ``of_sessions``: additional log prior odds against terms that depend on the session, nats.
     ``proxies``: computes the proxies of effects that lack a covariate, when they are first needed.
 
     ``threshold`` has the log prior odds against a first named cause, nats: ln(number of hypotheses / ``scope.false_alarm``).
@@ -108,10 +106,10 @@ class HypothesisSet:
         self.threshold = float(np.log(max(len(self.named), 1)) + np.log(1.0 / scope.false_alarm))
         self.of_sessions, self._proxies = of_sessions, proxies
         self._scans: dict[Hypothesis, Scan] = {}
-        self.lined: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Explanation] = {}
+        self.models_with_lines: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Posterior[Term]] = {}
         """Models with all lines of a periodic error, by terms and scales of the model without the error, and its first line."""
-        self.grown: dict[tuple[Term, tuple[Term, ...], int], Explanation] = {}
-        """Models of earlier searches: by first explanation, allowed explanations, and number of explanations."""
+        self.searches: dict[tuple[Term, tuple[Term, ...], int], Posterior[Term]] = {}
+        """Models of earlier searches: by first term, allowed terms, and number of terms."""
         self._gains: dict[tuple[tuple[Term, ...], tuple[float, ...]], dict[Term, Gain]] = {}
         self._costs: dict[tuple[Term, ...], tuple[float, ...]] = {}
 
@@ -127,7 +125,7 @@ class HypothesisSet:
 
     @property
     def every(self) -> tuple[Term, ...]:
-        """All explanations that a model can have."""
+        """All terms that a model can have."""
         return (*self.named, *self.smooth)
 
     @cached_property
@@ -139,13 +137,13 @@ class HypothesisSet:
         return found
 
     def at_threshold(self, threshold: float) -> HypothesisSet:
-        """The same explanations, with other log prior odds, nats, against a first named cause."""
+        """The same terms, with other log prior odds, nats, against a first named cause."""
         other = copy(self)
-        other.threshold, other.lined, other.grown, other._costs = threshold, {}, {}, {}
+        other.threshold, other.models_with_lines, other.searches, other._costs = threshold, {}, {}, {}
         return other
 
     def barring(self, places: Collection[tuple[str, str]]) -> HypothesisSet:
-        """The same explanations without the hypotheses at some places (effect, site)."""
+        """The same terms without the hypotheses at some places (effect, site)."""
         fewer = copy(self)
         # Computed before it is filtered: both sets share the groups, to which the proxies are added once.
         fewer.proxies = tuple(proxy for proxy in self.proxies if proxy.hypothesis.place not in places)
@@ -165,20 +163,20 @@ class HypothesisSet:
         self.groups.join(hypothesis, lines)
 
     def cost(self, term: Term) -> float:
-        """Log prior odds against an explanation as the only one, nats: its gain in log evidence must exceed them."""
+        """Log prior odds against a term as the only one, nats: its gain in log evidence must exceed them."""
         unnamed = self.priors.unnamed if isinstance(term, SmoothTerm) else 0.0
         divided = "session" in explained_by(term).drivers(self.design.operating_points.robot)
         return self.threshold + unnamed + (self.of_sessions if divided else 0.0)
 
     def share(self, term: Term, stronger: Term) -> float:
-        """Share of a stronger explanation's evidence that is added to the prior odds against ``term``."""
+        """Share of a stronger term's evidence that is added to the prior odds against ``term``."""
         robot, a, b = self.design.operating_points.robot, explained_by(term), explained_by(stronger)
         if a.site == b.site and a.drivers(robot) & b.drivers(robot):
             return self.priors.same
         return self.priors.related if related(robot, a, b) else self.priors.other
 
     def costs(self, terms: Sequence[Term]) -> dict[Term, float]:
-        """Log prior odds against each explanation of a model, nats."""
+        """Log prior odds against each term of a model, nats."""
         templates = tuple(self.without_value(term) for term in terms)
         if templates not in self._costs:
             alone, found = {term: self.alone(term) for term in templates}, []
@@ -194,26 +192,26 @@ class HypothesisSet:
         }
 
     def alone(self, term: Term) -> float:
-        """Gain in log evidence of an explanation as the only one, with the best value of its nonlinear parameter."""
+        """Gain in log evidence of a term as the only one, with the best value of its nonlinear parameter."""
         open_ = self.without_value(term)
         return self.gains(NOTHING, (open_,))[open_].value
 
-    def log_posterior(self, model: Explanation) -> float:
-        """Worth of a model: its log evidence less the log prior odds against its explanations, nats."""
+    def log_posterior(self, model: Posterior[Term]) -> float:
+        """Log posterior of a model, but for a constant: its log evidence less the log prior odds against its terms, nats."""
         return model.log_evidence - sum(self.costs(model.terms).values())
 
-    def net_gains(self, model: Explanation, terms: Iterable[T]) -> dict[T, Gain]:
-        """Gain in worth, nats, by adding each explanation to a model whose scales are not changed."""
+    def net_gains(self, model: Posterior[Term], terms: Iterable[T]) -> dict[T, Gain]:
+        """Gain in log posterior, nats, by adding each term to a model whose scales are not changed."""
         before = sum(self.costs(model.terms).values())
         return {
             term: gain._replace(value=gain.value - sum(self.costs((*model.terms, gain.term)).values()) + before)
             for term, gain in self.gains(model, terms).items()
         }
 
-    def gains(self, model: Explanation, terms: Iterable[T]) -> dict[T, Gain]:
-        """Gain in log evidence by adding each explanation to a model, with its nonlinear parameter estimated given the model.
+    def gains(self, model: Posterior[Term], terms: Iterable[T]) -> dict[T, Gain]:
+        """Gain in log evidence by adding each term to a model, with its nonlinear parameter estimated given the model.
 
-        The scales of the model are not changed. Explanations that the model already has, with any value of the nonlinear
+        The scales of the model are not changed. Terms that the model already has, with any value of the nonlinear
         parameter, are left out.
         """
         known = self._gains.setdefault((model.terms, model.scale), {})
@@ -236,88 +234,88 @@ class HypothesisSet:
             self._scans[hypothesis] = Scan(self.design, self.groups, hypothesis.effect, hypothesis.site, self.priors)
         return self._scans[hypothesis]
 
-    def scanned_gain(self, hypothesis: Hypothesis, model: Explanation, others: Sequence[float] = ()) -> Gain:
+    def scanned_gain(self, hypothesis: Hypothesis, model: Posterior[Term], others: Sequence[float] = ()) -> Gain:
         """Gain by the best value of a hypothesis of ``scanned``; ``others``: its values that the model already has."""
         best = self.scan(hypothesis).best(model, others)
         term = Hypothesis(hypothesis.effect, hypothesis.site, best.value, best.sigma)
         room = hypothesis.effect.most_values - 1 - len(others)
         if not self.long or room < 1:
             return Gain(best.gain, term)
-        worth = [line for line in best.others if line[2] > self.priors.line][:room]
-        more = sum(gain - self.priors.line for _, _, gain in worth)
-        return Gain(best.gain, term, tuple((value, sigma) for value, sigma, _ in worth), more)
+        gaining = [line for line in best.others if line[2] > self.priors.line][:room]
+        more = sum(gain - self.priors.line for _, _, gain in gaining)
+        return Gain(best.gain, term, tuple((value, sigma) for value, sigma, _ in gaining), more)
 
-    def replaced(self, model: Explanation, old: Hypothesis, new: Hypothesis) -> Explanation:
+    def replaced(self, model: Posterior[Term], old: Hypothesis, new: Hypothesis) -> Posterior[Term]:
         """The model with one hypothesis in the place of another, at the same scales."""
         if new not in self.groups:
             self._add(new)
         return exchanged(self.groups, model, old, new)
 
-    def extended(self, model: Explanation, term: Term) -> Explanation:
-        """A model with one more explanation, all scales estimated again."""
+    def extended(self, model: Posterior[Term], term: Term) -> Posterior[Term]:
+        """A model with one more term, all scales estimated again."""
         return self.of((*model.terms, term), (*model.scale, 1.0))
 
-    def of(self, terms: Sequence[Term], scale: Sequence[float]) -> Explanation:
-        """A model of some explanations, its scales estimated from given ones."""
+    def of(self, terms: Sequence[Term], scale: Sequence[float]) -> Posterior[Term]:
+        """A model of some terms, its scales estimated from given ones."""
         for term in terms:
             if isinstance(term, Hypothesis) and term not in self.groups:
                 self._add(term)
         return tuned(self.groups, terms, scale)
 
-    def modulates(self, smooth: SmoothTerm, model: Explanation | Collection[Hypothesis]) -> bool:
+    def modulates(self, smooth: SmoothTerm, model: Posterior[Term] | Collection[Hypothesis]) -> bool:
         """Whether a smooth term is only a modulation of one of some hypotheses."""
         terms = model.terms if isinstance(model, Posterior) else model
         at = self.design.operating_points
         return any(isinstance(term, Hypothesis) and modulates(at, smooth, term) for term in terms)
 
-    def columns(self, model: Explanation) -> Floats:
-        """(N c, m) whitened displacements of a model's explanations, at their scales."""
+    def columns(self, model: Posterior[Term]) -> Floats:
+        """(N c, m) whitened displacements of a model's terms, at their scales."""
         scaled = (self.groups.columns(term) * scale for term, scale in scales(model).items())
         return np.hstack([np.zeros((len(self.design.y), 0)), *scaled])
 
-    def only(self, model: Explanation, terms: Iterable[Term]) -> Explanation:
-        """The model with only some of its explanations, at the same scales."""
+    def only(self, model: Posterior[Term], terms: Iterable[Term]) -> Posterior[Term]:
+        """The model with only some of its terms, at the same scales."""
         wanted = set(terms)
         kept = [(t, s) for t, s in zip(model.terms, model.scale, strict=True) if t in wanted]
         return fixed(self.groups, [t for t, _ in kept], [s for _, s in kept]) if kept else NOTHING
 
 
-def causes(model: Explanation) -> tuple[Hypothesis, ...]:
+def causes(model: Posterior[Term]) -> tuple[Hypothesis, ...]:
     """A model's hypotheses, without its smooth terms."""
     return tuple(term for term in model.terms if isinstance(term, Hypothesis))
 
 
-def smooth_of(model: Explanation) -> tuple[SmoothTerm, ...]:
+def smooth_of(model: Posterior[Term]) -> tuple[SmoothTerm, ...]:
     """A model's smooth terms."""
     return tuple(term for term in model.terms if isinstance(term, SmoothTerm))
 
 
-def scales(model: Explanation) -> Mapping[Term, float]:
-    """The scale of each explanation of a model."""
+def scales(model: Posterior[Term]) -> Mapping[Term, float]:
+    """The scale of each term of a model."""
     return dict(zip(model.terms, model.scale, strict=True))
 
 
 BEAM = 3
-"""Number of first explanations that are tried: the best single explanation need not be in the best pair."""
+"""Number of first terms that are tried: the best single term need not be in the best pair."""
 REMOVAL_MARGIN, REMOVAL_SHARE = 30.0, 0.01
-"""Largest gain in worth by new scales after an explanation was removed: nats, and as a share of the worth. Assumed."""
+"""Largest gain in log posterior by new scales after a term was removed: nats, and as a share of the log posterior. Assumed."""
 MOST_TERMS = 5
-"""Most explanations in a model of a robot with rods; without rods, one more for each actuator."""
+"""Most terms in a model of a robot with rods; without rods, one more for each actuator."""
 
 
-def most(hypotheses: HypothesisSet) -> int:
-    """Largest number of explanations in a model."""
+def most_terms(hypotheses: HypothesisSet) -> int:
+    """Largest number of terms in a model."""
     return MOST_TERMS + hypotheses.design.operating_points.robot.n_actuators if hypotheses.long else MOST_TERMS
 
 
-def rough_guess(hypotheses: HypothesisSet, before: Explanation = NOTHING) -> Explanation:
-    """A model of everything that is not noise, by one search from a single first explanation.
+def rough_guess(hypotheses: HypothesisSet, before: Posterior[Term] = NOTHING) -> Posterior[Term]:
+    """A model of everything that is not noise, by one search from a single first term.
 
     ``before``: an earlier such model, of these poses with another noise. A search of a robot without rods, whose models are
     long, starts from it.
     """
     alone = hypotheses.gains(NOTHING, hypotheses.every)
-    return search(hypotheses, hypotheses.every, alone, beginnings=1, start=_anew(hypotheses, before))
+    return search(hypotheses, hypotheses.every, alone, beginnings=1, start=_with_new_noise(hypotheses, before))
 
 
 def search(
@@ -326,41 +324,41 @@ def search(
     alone: Mapping[Term, Gain],
     beginnings: int = BEAM,
     largest: int | None = None,
-    start: Explanation = NOTHING,
-) -> Explanation:
-    """The model of largest worth that was found, out of some explanations.
+    start: Posterior[Term] = NOTHING,
+) -> Posterior[Term]:
+    """The model of largest log posterior that was found, out of some terms.
 
-    ``terms``: the explanations that the model can have. ``alone``: gain in log evidence of each as the only one.
-    ``beginnings``: number of first explanations that are tried. ``largest``: largest number of explanations in the model; by
-    default :func:`most`. ``start``: a model of these hypotheses that is extended first. If it then has more than ``MOST_TERMS``
-    explanations, no other first explanation is tried.
+    ``terms``: the terms that the model can have. ``alone``: gain in log evidence of each as the only one.
+    ``beginnings``: number of first terms that are tried. ``largest``: largest number of terms in the model; by
+    default :func:`most_terms`. ``start``: a model of these hypotheses that is extended first. If it then has more than
+    ``MOST_TERMS`` terms, no other first term is tried.
     """
-    largest = most(hypotheses) if largest is None else largest
+    largest = most_terms(hypotheses) if largest is None else largest
     terms = _with_room(hypotheses, NOTHING, terms)
     order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))
-    best: Explanation = _grow(hypotheses, start, terms, largest) if start.terms else NOTHING
+    best: Posterior[Term] = _extend(hypotheses, start, terms, largest) if start.terms else NOTHING
     taken = {hypotheses.without_value(t) for t in best.terms}
     for term in order[: beginnings if len(best.terms) <= MOST_TERMS else 0]:
         if alone[term].value < hypotheses.cost(term):
             break
         if term in taken:
             continue
-        grown = _grown(hypotheses, alone[term].term, terms, largest)
-        if hypotheses.log_posterior(grown) > hypotheses.log_posterior(best):
-            best = grown
+        larger = _search_from(hypotheses, alone[term].term, terms, largest)
+        if hypotheses.log_posterior(larger) > hypotheses.log_posterior(best):
+            best = larger
             taken = {hypotheses.without_value(t) for t in best.terms}
     return best
 
 
-def _grown(hypotheses: HypothesisSet, first: Term, terms: Sequence[Term], largest: int) -> Explanation:
+def _search_from(hypotheses: HypothesisSet, first: Term, terms: Sequence[Term], largest: int) -> Posterior[Term]:
     key = first, tuple(terms), largest
-    if key not in hypotheses.grown:
-        hypotheses.grown[key] = _grow(hypotheses, hypotheses.extended(NOTHING, first), terms, largest)
-    return hypotheses.grown[key]
+    if key not in hypotheses.searches:
+        hypotheses.searches[key] = _extend(hypotheses, hypotheses.extended(NOTHING, first), terms, largest)
+    return hypotheses.searches[key]
 
 
-def _anew(hypotheses: HypothesisSet, before: Explanation) -> Explanation:
-    """An earlier model with this noise: its explanations that these hypotheses have, without those that reduce the worth."""
+def _with_new_noise(hypotheses: HypothesisSet, before: Posterior[Term]) -> Posterior[Term]:
+    """An earlier model with this noise: its terms that these hypotheses have, without those that reduce the log posterior."""
     known = set(hypotheses.every)
     terms = [term for term in before.terms if hypotheses.without_value(term) in known]
     if not hypotheses.long or not terms:
@@ -368,13 +366,14 @@ def _anew(hypotheses: HypothesisSet, before: Explanation) -> Explanation:
     return _pruned(hypotheses, hypotheses.of(terms, [scales(before)[term] for term in terms]))
 
 
-def _grow(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Term], largest: int) -> Explanation:
+def _extend(hypotheses: HypothesisSet, model: Posterior[Term], terms: Sequence[Term], largest: int) -> Posterior[Term]:
     last: dict[tuple[str, str], float] = {}
     while True:
         lines = further_lines(hypotheses, model, last=last)
         gains = hypotheses.net_gains(model, _with_room(hypotheses, model, terms)) if len(model.terms) < largest else {}
         best = max(gains.values(), key=lambda g: g.whole, default=None)
-        # Gains are computed with fixed scales: where the step of larger gain does not increase the worth, the other is tried.
+        # Gains are computed with fixed scales: where the step of larger gain does not increase the log posterior, the other is
+        # tried.
         steps = ["term", "lines"] if lines is None or (best and best.whole >= lines[0]) else ["lines", "term"]
         for step in steps:
             larger = model
@@ -383,24 +382,24 @@ def _grow(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Term], 
             elif step == "term" and best is not None and best.whole >= 0.0:
                 larger = with_all_lines(hypotheses, model, best)
                 if not hypotheses.long:
-                    # The same model, found from other first explanations, then has the same values, and known gains. Of a
+                    # The same model, found from other first terms, then has the same values, and known gains. Of a
                     # long model a term would be removed that a swap makes useful.
                     larger = _revalued(hypotheses, _pruned(hypotheses, larger))
                 larger = _pruned(hypotheses, _swapped(hypotheses, larger, terms))
             if hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
                 break
         else:
-            larger = _with_lines_instead(hypotheses, settled(hypotheses, model))
+            larger = _with_lines_instead(hypotheses, with_lines_reestimated(hypotheses, model))
             if not hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
                 return model
         model = larger
 
 
-def _with_lines_instead(hypotheses: HypothesisSet, model: Explanation) -> Explanation:
-    """The model with all lines of a drive in the place of its smooth deviation, where that increases the worth.
+def _with_lines_instead(hypotheses: HypothesisSet, model: Posterior[Term]) -> Posterior[Term]:
+    """The model with all lines of a drive in the place of its smooth deviation, where that increases the log posterior.
 
-    Where a joint has many lines, its smooth deviation gains more than any single line, and no single line in addition is worth
-    its prior odds.
+    Where a joint has many lines, its smooth deviation gains more than any single line, and no single line in addition gains
+    more than its prior odds.
     """
     if not hypotheses.long:
         return model
@@ -412,13 +411,13 @@ def _with_lines_instead(hypotheses: HypothesisSet, model: Explanation) -> Explan
             rest = without(hypotheses.groups, model, term, sweeps=1)
             gain = hypotheses.gains(rest, (lines,))[lines]
             if gain.value > hypotheses.cost(lines) and isinstance(gain.term, Hypothesis):
-                trial = _pruned(hypotheses, with_its_lines(hypotheses, rest, gain.term))
+                trial = _pruned(hypotheses, with_lines(hypotheses, rest, gain.term))
                 if hypotheses.log_posterior(trial) > hypotheses.log_posterior(model) + 1e-9:
                     return trial
     return model
 
 
-def _with_room(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Term]) -> Sequence[Term]:
+def _with_room(hypotheses: HypothesisSet, model: Posterior[Term], terms: Sequence[Term]) -> Sequence[Term]:
     """The terms with which a model of a robot without rods has at most ``most_coefficients`` coefficients per measured number.
 
     Terms of all links of an arm have hundreds of coefficients, and several such terms explain any data.
@@ -432,8 +431,8 @@ def _with_room(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Te
     return [term for term in terms if term not in groups or groups.width(term) <= room]
 
 
-def _swapped(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Term]) -> Explanation:
-    """The model after exchanges of one explanation for another that increase its worth."""
+def _swapped(hypotheses: HypothesisSet, model: Posterior[Term], terms: Sequence[Term]) -> Posterior[Term]:
+    """The model after exchanges of one term for another that increase its log posterior."""
     for _ in range(3):
         before = model
         for term in model.terms:
@@ -454,8 +453,8 @@ def _swapped(hypotheses: HypothesisSet, model: Explanation, terms: Sequence[Term
     return model
 
 
-def _revalued(hypotheses: HypothesisSet, model: Explanation) -> Explanation:
-    """The model with nonlinear parameters estimated beside the explanations that are left; they were found beside others."""
+def _revalued(hypotheses: HypothesisSet, model: Posterior[Term]) -> Posterior[Term]:
+    """The model with nonlinear parameters estimated beside the terms that are left; they were found beside others."""
     for term in model.terms:
         if isinstance(term, Hypothesis) and len(term.values) == 1:
             rest = without(hypotheses.groups, model, term, sweeps=1)
@@ -468,20 +467,20 @@ def _revalued(hypotheses: HypothesisSet, model: Explanation) -> Explanation:
 
 
 def _instead(hypotheses: HypothesisSet, term: Term, terms: Sequence[Term]) -> Sequence[Term]:
-    """The explanations that are tried in the place of ``term``: for a robot without rods, those that can look like it."""
+    """The terms that are tried in the place of ``term``: for a robot without rods, those that can look like it."""
     robot, own = hypotheses.design.operating_points.robot, explained_by(term)
     if not hypotheses.long:
         return terms
     return [t for t in terms if same_place(robot, own, explained_by(t)) or related(robot, own, explained_by(t))]
 
 
-def _pruned(hypotheses: HypothesisSet, model: Explanation) -> Explanation:
-    """The model without the explanations that reduce its worth."""
+def _pruned(hypotheses: HypothesisSet, model: Posterior[Term]) -> Posterior[Term]:
+    """The model without the terms that reduce its log posterior."""
     groups = hypotheses.groups
     while model.terms:
         log_posterior = hypotheses.log_posterior(model)
         terms = model.terms
-        if hypotheses.long:  # such models are large: new scales are computed only where a removal loses little worth
+        if hypotheses.long:  # such models are large: new scales are computed only where a removal loses little
             margin = max(REMOVAL_MARGIN, REMOVAL_SHARE * abs(log_posterior))
             terms = tuple(
                 t for t in terms if hypotheses.log_posterior(without(groups, model, t)) > log_posterior - margin
@@ -500,18 +499,18 @@ fifty periods near its last one are tried. Assumed."""
 SAME_PERIOD = 0.1
 """Change of a period, in standard deviations, below which the line is not changed. Assumed."""
 LINE_SWEEPS, LINES_CONVERGED = 6, 0.1
-"""Most times that all lines are estimated again, and the gain in worth, nats, below which this stops. Assumed."""
+"""Most times that all lines are estimated again, and the gain in log posterior, nats, below which this stops. Assumed."""
 
 
 def further_lines(
     hypotheses: HypothesisSet,
-    model: Explanation,
+    model: Posterior[Term],
     terms: Collection[Hypothesis] | None = None,
     last: dict[tuple[str, str], float] | None = None,
 ) -> tuple[float, Hypothesis, Hypothesis] | None:
     """The periodic error of a model that gains most by more lines: (gain, hypothesis with these lines, hypothesis without).
 
-    The gain is in worth, nats, to first order. None where no line gains.
+    The gain is in log posterior, nats, to first order. None where no line gains.
 
     ``terms``: only these of its periodic errors. ``last``: gains of each periodic error in an earlier, smaller model, by place;
     they are updated here. A line seldom gains more in a larger model, so those that gained less than the best one now are not
@@ -534,29 +533,29 @@ def further_lines(
     return best
 
 
-def with_all_lines(hypotheses: HypothesisSet, model: Explanation, gain: Gain) -> Explanation:
-    """A model with one more explanation, and with all its lines at once where there are several."""
+def with_all_lines(hypotheses: HypothesisSet, model: Posterior[Term], gain: Gain) -> Posterior[Term]:
+    """A model with one more term, and with all its lines at once where there are several."""
     if not gain.further or not isinstance(gain.term, Hypothesis):
         return hypotheses.extended(model, gain.term)
     term = gain.term.with_lines((*gain.term.lines, *gain.further))
-    found = _lines_reestimated(hypotheses, hypotheses.extended(model, term), term)
+    found = _reestimate_lines(hypotheses, hypotheses.extended(model, term), term)
     return tuned(hypotheses.groups, found.terms, found.scale)
 
 
-def widened(hypotheses: HypothesisSet, model: Explanation, wider: Hypothesis, old: Hypothesis) -> Explanation:
+def widened(hypotheses: HypothesisSet, model: Posterior[Term], wider: Hypothesis, old: Hypothesis) -> Posterior[Term]:
     """A model with more lines in the place of one of its periodic errors, all of them estimated again."""
-    found = _lines_reestimated(hypotheses, hypotheses.replaced(model, old, wider), wider)
+    found = _reestimate_lines(hypotheses, hypotheses.replaced(model, old, wider), wider)
     return tuned(hypotheses.groups, found.terms, found.scale)
 
 
-def settled(hypotheses: HypothesisSet, model: Explanation) -> Explanation:
+def with_lines_reestimated(hypotheses: HypothesisSet, model: Posterior[Term]) -> Posterior[Term]:
     """The model with the lines of every periodic error estimated again until the gain is below ``LINES_CONVERGED``."""
     for place in [cause.place for cause in causes(model) if cause.further]:
         for _ in range(LINE_SWEEPS):
             term = next((cause for cause in causes(model) if cause.place == place), None)
             if term is None or not term.further:
                 break
-            found = _lines_reestimated(hypotheses, model, term)
+            found = _reestimate_lines(hypotheses, model, term)
             gained = hypotheses.log_posterior(found) - hypotheses.log_posterior(model)
             model = found
             if gained < LINES_CONVERGED:
@@ -564,10 +563,10 @@ def settled(hypotheses: HypothesisSet, model: Explanation) -> Explanation:
     return model
 
 
-def with_its_lines(hypotheses: HypothesisSet, rest: Explanation, term: Hypothesis) -> Explanation:
-    """A model with one more hypothesis, and with each further line of it that increases the worth."""
+def with_lines(hypotheses: HypothesisSet, rest: Posterior[Term], term: Hypothesis) -> Posterior[Term]:
+    """A model with one more hypothesis, and with each further line of it that increases the log posterior."""
     key = rest.terms, rest.scale, term
-    if key not in hypotheses.lined:
+    if key not in hypotheses.models_with_lines:
         model = hypotheses.extended(rest, term)
         own = next(t for t in causes(model) if t.place == term.place)
         while (line := further_lines(hypotheses, model, (own,))) is not None:
@@ -575,12 +574,13 @@ def with_its_lines(hypotheses: HypothesisSet, rest: Explanation, term: Hypothesi
             if hypotheses.log_posterior(wider) <= hypotheses.log_posterior(model) + 1e-9:
                 break
             model, own = wider, next(t for t in causes(wider) if t.place == term.place)
-        hypotheses.lined[key] = model
-    return hypotheses.lined[key]
+        hypotheses.models_with_lines[key] = model
+    return hypotheses.models_with_lines[key]
 
 
-def _lines_reestimated(hypotheses: HypothesisSet, model: Explanation, term: Hypothesis) -> Explanation:
-    """The model with each line of a hypothesis estimated again given the others, or left out where that increases the worth."""
+def _reestimate_lines(hypotheses: HypothesisSet, model: Posterior[Term], term: Hypothesis) -> Posterior[Term]:
+    """The model with each line of a hypothesis estimated again given the others, or left out where that increases the log
+    posterior."""
     for old in term.lines:
         if len(term.values) < 2:  # its lines were equal
             break
@@ -598,7 +598,7 @@ def _lines_reestimated(hypotheses: HypothesisSet, model: Explanation, term: Hypo
 
 
 def _estimated(
-    hypotheses: HypothesisSet, model: Explanation, others: Hypothesis, old: tuple[float, float]
+    hypotheses: HypothesisSet, model: Posterior[Term], others: Hypothesis, old: tuple[float, float]
 ) -> tuple[float, float]:
     """A line's period given the other lines, and its standard deviation; the old ones where no other is distinguished."""
     scan = hypotheses.scan(others.template)
@@ -607,7 +607,7 @@ def _estimated(
     return old if found.gain <= NO_GAIN else (found.value, found.sigma)
 
 
-def strongest_first(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> Hypothesis:
+def strongest_first(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis) -> Hypothesis:
     """A cause of a model with its lines by the size of their cores, the largest first; other causes as they are."""
     if not cause.further:
         return cause
@@ -620,7 +620,7 @@ def strongest_first(hypotheses: HypothesisSet, model: Explanation, cause: Hypoth
     return cause.with_lines([cause.lines[i] for i in np.argsort(-size, kind="stable")])
 
 
-def chance_lines(hypotheses: HypothesisSet, model: Explanation) -> tuple[Hypothesis, ...]:
+def chance_lines(hypotheses: HypothesisSet, model: Posterior[Term]) -> tuple[Hypothesis, ...]:
     """The periodic errors of a model of which no line is significant against the scatter of its drive.
 
     A search compares a line with noise. Where an unknown error of a drive is larger than noise and has no period, many periods

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import expit
 
-from gtpin.diagnosis.classes import Contender, contenders, ranked, with_two_instead
-from gtpin.diagnosis.evidence import NOTHING, fixed, marginal_power, tuned, without
+from gtpin.diagnosis.classes import ClassMember, class_of, ranked, with_two_instead
+from gtpin.diagnosis.evidence import NOTHING, Posterior, fixed, marginal_power, tuned, without
 from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term, related, same_place
-from gtpin.diagnosis.noise import SearchState, reestimate_noise, restless_drive
+from gtpin.diagnosis.noise import SearchState, drive_beyond_noise, reestimate_noise
 from gtpin.diagnosis.priors import SURE, UNDECIDED
 from gtpin.diagnosis.result import Considered, Doubt, FlexibleFamily, Member, Undecided, Verdict
-from gtpin.diagnosis.search import Explanation, Gain, HypothesisSet, causes, chance_lines, scales, search, smooth_of
+from gtpin.diagnosis.search import Gain, HypothesisSet, causes, chance_lines, scales, search, smooth_of
 from gtpin.effects.effect import Nature
 
 
@@ -30,11 +30,11 @@ class Conclusion:
     ``likely``: places of likely causes that are not named, because they could be the unknown themselves.
     """
 
-    model: Explanation
-    classes: Mapping[Hypothesis, tuple[Contender, ...]]
+    model: Posterior[Term]
+    classes: Mapping[Hypothesis, tuple[ClassMember, ...]]
     doubts: tuple[Doubt, ...]
     alone: Mapping[Term, Gain]
-    beside: Explanation = NOTHING
+    beside: Posterior[Term] = NOTHING
     also: tuple[Hypothesis, ...] = ()
     descriptions: tuple[FlexibleFamily, ...] = ()
     mechanisms: frozenset[tuple[str, str]] = frozenset()
@@ -54,7 +54,7 @@ class Conclusion:
         """Scale of each cause: its size over the typical size."""
         return scales(self.model)
 
-    def whole(self, hypotheses: HypothesisSet) -> Explanation:
+    def whole(self, hypotheses: HypothesisSet) -> Posterior[Term]:
         """The model of the causes with the smooth terms beside them."""
         model, beside = self.model, self.beside
         if not beside.terms:
@@ -114,7 +114,7 @@ def considered(
     hypotheses: HypothesisSet, found: Conclusion, could_be: Collection[tuple[str, str]] = ()
 ) -> tuple[Considered, ...]:
     """All hypotheses that were tested, the largest gain in log evidence first, then those that could not be tested."""
-    members = [m for contenders in found.classes.values() for m in contenders]
+    members = [m for class_of in found.classes.values() for m in class_of]
     probability = {m.hypothesis.place: m.probability for m in members}
     asked = {m.hypothesis.place for m in members if not m.recorded} | set(could_be)
     reason = {p.hypothesis.place: p.reason for p in hypotheses.proxies if p.hypothesis.place in asked}
@@ -148,9 +148,9 @@ def infer(settled: SearchState, barred: Collection[tuple[str, str]] = ()) -> Con
     if found.doubts:
         return found
     sites = tuple(sorted({site for _, site in scattered}))
-    site = restless_drive(hypotheses, found.model, sites) if sites else None
+    site = drive_beyond_noise(hypotheses, found.model, sites) if sites else None
     if site is None:
-        site = reestimate_noise(settled.observed, hypotheses, found.model).restless
+        site = reestimate_noise(settled.observed, hypotheses, found.model).drive_beyond_noise
     if site is None:
         return found
     # Errors of this actuator change too fast for smooth terms: causes of other sites are kept where they are sure.
@@ -159,7 +159,7 @@ def infer(settled: SearchState, barred: Collection[tuple[str, str]] = ()) -> Con
     return kept.doubted(Doubt("restless", site, (own,)))
 
 
-def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusion:
+def decide(hypotheses: HypothesisSet, guess: Posterior[Term] = NOTHING) -> Conclusion:
     """Search with and without smooth terms, compare both models, and conclude which causes are named.
 
     ``guess``: a model that an earlier search found. The searches of a robot without rods, whose models are long, start from it.
@@ -176,7 +176,7 @@ def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusio
         named = hypotheses.only(better, (*_apart(hypotheses, better), *needed))
     named = without_redundant(hypotheses, named)
     # The smooth terms stay in the model while classes are compared: else an alternative would gain by what they explain.
-    classes = {cause: contenders(hypotheses, named, cause) for cause in causes(named)}
+    classes = {cause: class_of(hypotheses, named, cause) for cause in causes(named)}
     instead: list[tuple[str, str]] = []
     for cause in [cause for cause, members in classes.items() if cause.further and members[0].probability >= SURE]:
         if (replaced := _without_lines(hypotheses, named, cause)) is not None:
@@ -191,26 +191,26 @@ def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusio
     return found.named_beside_unknown(hypotheses) if doubts else found
 
 
-def _unknown(hypotheses: HypothesisSet, mixed: Explanation, named: Explanation) -> float:
+def _unknown(hypotheses: HypothesisSet, mixed: Posterior[Term], named: Posterior[Term]) -> float:
     """Probability of the model with smooth terms, as opposed to the one without."""
     priors = hypotheses.priors
     known = hypotheses.only(mixed, causes(mixed))
     modulation = all(hypotheses.modulates(smooth, named) for smooth in smooth_of(mixed))
     doubt = (priors.modulation if modulation else priors.departure) * (mixed.log_evidence - known.log_evidence)
     ahead = hypotheses.log_posterior(mixed) - hypotheses.log_posterior(named) - doubt
-    return float(expit(ahead / priors.heat(named.log_evidence)))
+    return float(expit(ahead / priors.temperature_of(named.log_evidence)))
 
 
-def _replacing(hypotheses: HypothesisSet, named: Explanation) -> tuple[SmoothTerm, ...]:
+def _replacing(hypotheses: HypothesisSet, named: Posterior[Term]) -> tuple[SmoothTerm, ...]:
     """Smooth terms that are more probable than a cause and its whole class."""
     found = []
     for cause in causes(named):
-        if hypotheses.smooth and sum(m.probability for m in contenders(hypotheses, named, cause)) < 0.5:
+        if hypotheses.smooth and sum(m.probability for m in class_of(hypotheses, named, cause)) < 0.5:
             found.append(ranked(hypotheses, named, cause).smooth[0][0])
     return tuple(dict.fromkeys(found))
 
 
-def _without_lines(hypotheses: HypothesisSet, named: Explanation, cause: Hypothesis) -> Explanation | None:
+def _without_lines(hypotheses: HypothesisSet, named: Posterior[Term], cause: Hypothesis) -> Posterior[Term] | None:
     """The model with a smooth function of the actuator's own command in place of a periodic error.
 
     Beside this function, no line gains more than its prior odds cost. None if there is no such function.
@@ -227,7 +227,7 @@ def _without_lines(hypotheses: HypothesisSet, named: Explanation, cause: Hypothe
     return None
 
 
-def _apart(hypotheses: HypothesisSet, model: Explanation) -> tuple[Hypothesis, ...]:
+def _apart(hypotheses: HypothesisSet, model: Posterior[Term]) -> tuple[Hypothesis, ...]:
     """Causes that gain more than twice the prior odds against them, and more than every smooth term that they can look like.
 
     What a smooth term leaves of an unknown motion is smaller than what it explains, and a cause may be no more than that.
@@ -252,7 +252,7 @@ def _alike(hypotheses: HypothesisSet, cause: Hypothesis, smooth: Sequence[Smooth
     return any(same_place(robot, cause, term) or related(robot, cause, term) for term in smooth)
 
 
-def without_redundant(hypotheses: HypothesisSet, named: Explanation) -> Explanation:
+def without_redundant(hypotheses: HypothesisSet, named: Posterior[Term]) -> Posterior[Term]:
     """The model without causes that are not needed when an effect with a missing covariate replaces a stronger cause.
 
     A testable effect that looks like an effect with a missing covariate explains only a part of it, and a second effect may
@@ -263,13 +263,13 @@ def without_redundant(hypotheses: HypothesisSet, named: Explanation) -> Explanat
     for cause in sorted(strength, key=lambda c: -strength[c]):
         if cause not in named.terms:
             continue
-        unrecorded = {m.hypothesis.place for m in contenders(hypotheses, named, cause) if not m.recorded}
+        unrecorded = {m.hypothesis.place for m in class_of(hypotheses, named, cause) if not m.recorded}
         for proxy in [proxy for proxy in hypotheses.proxies if proxy.hypothesis.place in unrecorded]:
             weaker = [c for c in causes(named) if strength[c] < strength[cause]]
             redundant = [
                 c
                 for c in weaker
-                if proxy.hypothesis.place in {m.hypothesis.place for m in contenders(hypotheses, named, c)}
+                if proxy.hypothesis.place in {m.hypothesis.place for m in class_of(hypotheses, named, c)}
                 or _redundant(hypotheses, named, cause, proxy, c)
             ]
             named = hypotheses.only(named, (t for t in named.terms if t not in redundant))
@@ -277,7 +277,7 @@ def without_redundant(hypotheses: HypothesisSet, named: Explanation) -> Explanat
 
 
 def _redundant(
-    hypotheses: HypothesisSet, named: Explanation, cause: Hypothesis, proxy: Proxy, other: Hypothesis
+    hypotheses: HypothesisSet, named: Posterior[Term], cause: Hypothesis, proxy: Proxy, other: Hypothesis
 ) -> bool:
     """Whether ``other`` gains less than the prior odds against it when ``proxy`` takes the place of ``cause``."""
     rest = without(hypotheses.groups, named, cause)
@@ -302,14 +302,14 @@ def undecided(hypotheses: HypothesisSet, found: Conclusion) -> tuple[Undecided, 
     return tuple(Undecided(c.site, size(hypotheses, found.model, c), found.members(c)) for c in found.also)
 
 
-def weak(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> bool:
+def weak(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis) -> bool:
     """Whether a cause explains only a small part of the chi-square beyond noise that the geometry leaves."""
     less = without(hypotheses.groups, model, cause, sweeps=1)
     own = marginal_power(hypotheses.groups, less) - marginal_power(hypotheses.groups, model)
     return own < hypotheses.priors.weak * (hypotheses.groups.power - hypotheses.design.dof)
 
 
-def size(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis) -> float:
+def size(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis) -> float:
     """Root mean square of the TCP's displacement by a cause over the poses of the search, m."""
     at = hypotheses.design.operating_points
     start = sum(model.widths[: model.terms.index(cause)])

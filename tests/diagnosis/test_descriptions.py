@@ -9,7 +9,7 @@ import pytest
 import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.diagnosis import verdict as rules
-from gtpin.diagnosis.classes import Contender
+from gtpin.diagnosis.classes import ClassMember
 from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.hypothesis import Hypothesis
 from gtpin.diagnosis.verdict import Conclusion, without_undecided
@@ -68,7 +68,7 @@ def concluded(probabilities: dict[str, float]) -> tuple[Conclusion, dict[str, Hy
     causes = {site: Hypothesis(effect_of(catalogue(), "backlash"), site) for site in probabilities}
     other = Hypothesis(effect_of(catalogue(), "linearity"), "cart3")
     classes = {
-        cause: (Contender(cause, probabilities[site]), Contender(other, 1.0 - probabilities[site]))
+        cause: (ClassMember(cause, probabilities[site]), ClassMember(other, 1.0 - probabilities[site]))
         for site, cause in causes.items()
     }
     return Conclusion(NOTHING, classes, (), {}), causes

@@ -14,7 +14,7 @@ from gtpin.bench.simulator import make_case, simulate
 from gtpin.data import Dataset
 from gtpin.diagnosis import diagnose
 from gtpin.diagnosis import doubts as rules
-from gtpin.diagnosis.classes import Contender
+from gtpin.diagnosis.classes import ClassMember
 from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.gap import leave_out
@@ -179,9 +179,9 @@ def test_what_causes_leave_is_compared_with_the_likeliest_noise_and_silence_with
         share_left=lambda *_: left,
     )
     cause = Hypothesis(gtpin.catalogue()[0], "cart1")
-    found = Conclusion(NOTHING, {cause: (Contender(cause, 1.0),)} if named else {}, (), {})
+    found = Conclusion(NOTHING, {cause: (ClassMember(cause, 1.0),)} if named else {}, (), {})
     hypotheses = SimpleNamespace(priors=PRIORS, design=None)
-    monkeypatch.setattr(rules, "contenders", lambda *_, unlisted: (Contender(cause, 1.0),))
+    monkeypatch.setattr(rules, "class_of", lambda *_, unlisted: (ClassMember(cause, 1.0),))
     monkeypatch.setattr(Conclusion, "whole", lambda *_: NOTHING)
     after = rules.held_out(found, hypotheses, SimpleNamespace(before=2.8, after=1.6, floor=1.0), None, shown)
     assert [doubt.reason for doubt in after.doubts] == doubts

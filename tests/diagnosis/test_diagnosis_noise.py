@@ -138,4 +138,4 @@ def test_what_errs_alike_at_every_visit_is_no_scatter(seed):
 @pytest.mark.parametrize("repeatability", [0.0, 1.3e-5, 2.5e-5])
 def test_what_errs_anew_at_every_visit_is_scatter(seed, repeatability):
     observed = measured(seed, repeatability=repeatability)
-    assert reestimate_noise(observed, hypotheses_of(observed), NOTHING).restless is None
+    assert reestimate_noise(observed, hypotheses_of(observed), NOTHING).drive_beyond_noise is None

@@ -8,7 +8,7 @@ from linear_problems import calibrated, every_effect, hypothesis
 from scipy.special import softmax
 from scipy.stats import multivariate_normal
 
-from gtpin.diagnosis.classes import Contender, ranked
+from gtpin.diagnosis.classes import ClassMember, ranked
 from gtpin.diagnosis.discrimination import PROMISED, SIMULATED, Prediction, Rivals, discriminate
 from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.next_experiment import classes
@@ -82,7 +82,7 @@ def test_a_cause_alone_in_its_class_is_distinguished_from_the_next_hypothesis() 
     hypotheses = HypothesisSet(design, (cause, *others), (), smooth, every_effect())
     model = hypotheses.extended(NOTHING, cause)
     alone = hypotheses.gains(NOTHING, hypotheses.every)
-    found = Conclusion(model, {cause: (Contender(cause, 0.7),)}, (), alone)
+    found = Conclusion(model, {cause: (ClassMember(cause, 0.7),)}, (), alone)
     (of_cause,) = classes(found, [Cause("linearity", "cart2", 0.7, (), {}, 0.5)], hypotheses)
     every = ranked(hypotheses, model, cause)
     second = next(m.hypothesis for m in every.named if m.hypothesis != cause)
@@ -90,7 +90,7 @@ def test_a_cause_alone_in_its_class_is_distinguished_from_the_next_hypothesis() 
     assert of_cause.smooth == every.smooth[:3]
     experiment = discriminate(known, [of_cause], 0, 20, np.random.default_rng(0))
     assert experiment.separates == (str(cause), str(second))
-    sure = replace(found, classes={cause: (Contender(cause, 0.97),)})
+    sure = replace(found, classes={cause: (ClassMember(cause, 0.97),)})
     (of_cause,) = classes(sure, [Cause("linearity", "cart2", 0.97, (), {}, 0.5)], hypotheses)
     assert len(of_cause.members) == 1
 

@@ -14,7 +14,7 @@ from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
 from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.doubts import two_groups, two_values
 from gtpin.diagnosis.evidence import NOTHING
-from gtpin.diagnosis.noise import left_over, readmit_outliers
+from gtpin.diagnosis.noise import left_over, searchable_rows
 from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.propose import propose
@@ -127,7 +127,7 @@ def test_a_command_out_of_reach_is_no_pose_to_believe() -> None:
     q[once] = [2.0, -2.0, 2.0]
     wild = replace(dataset, q=q)
     baseline = quietly(gtpin.calibrate, wild)
-    rows = readmit_outliers(Prepared(wild, wild, baseline, (None, None)), PRIORS)
+    rows = searchable_rows(Prepared(wild, wild, baseline, (None, None)), PRIORS)
     assert not rows[once].any()
     assert (rows == baseline.used(wild)).all()
 

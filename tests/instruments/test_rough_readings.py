@@ -15,7 +15,7 @@ from gtpin.data import Dataset
 from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.hypothesis import Scope
-from gtpin.diagnosis.noise import left_over, readmit_outliers, reestimate_noise
+from gtpin.diagnosis.noise import left_over, reestimate_noise, searchable_rows
 from gtpin.diagnosis.prepare import prepare
 from gtpin.diagnosis.search import HypothesisSet
 from gtpin.effects.catalogue import catalogue
@@ -81,7 +81,7 @@ def test_a_ball_that_sat_badly_in_its_socket_is_given_back_to_no_cause(tmp_path:
         off = rng.choice([-1.0, 1.0], 6) * rng.uniform(3e-4, 2e-3, 6)
         changed(tmp_path / "cup.csv", column, dict(zip(rows.tolist(), off.tolist(), strict=True)))
     prepared = prepare(Dataset.read(tmp_path), ROBOT, None, SCOPE.priors)
-    found, used = readmit_outliers(prepared, SCOPE.priors), prepared.baseline.used(prepared.dataset)
+    found, used = searchable_rows(prepared, SCOPE.priors), prepared.baseline.used(prepared.dataset)
     assert len({str(pose) for pose in prepared.dataset.pose[~used]}) >= 5
     assert (found == used).all()
 
@@ -95,6 +95,6 @@ def test_lines_of_drives_do_not_explain_the_gross_errors_of_an_encoder(tmp_path:
     case.write_dataset(tmp_path)
     dataset = Dataset.read(tmp_path)
     prepared = prepare(dataset, robot_of(dataset), None, SCOPE.priors)
-    found, used = readmit_outliers(prepared, SCOPE.priors), prepared.baseline.used(prepared.dataset)
+    found, used = searchable_rows(prepared, SCOPE.priors), prepared.baseline.used(prepared.dataset)
     assert (~used).sum() >= 5
     assert (found == used).all()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.diagnosis.noise import stand_together
+from gtpin.diagnosis.noise import clustered
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.operating_points import OperatingPoints
 
@@ -27,7 +27,7 @@ def test_outliers_of_one_interval_stand_together(seed: int, over: str) -> None:
     pit[np.argsort(values)[60:65] if over == "travel" else np.argsort(values)[-5:]] = True
     wild = pit.copy()
     wild[rng.choice(np.flatnonzero(~pit), 2, replace=False)] = True  # two gross errors elsewhere
-    found = stand_together(at, wild, PRIORS)
+    found = clustered(at, wild, PRIORS)
     assert found[pit].all()
     assert not found[~wild].any()
 
@@ -40,7 +40,7 @@ def test_gross_errors_at_random_seldom_stand_together() -> None:
     for _ in range(300):
         wild = np.zeros(len(at), dtype=bool)
         wild[rng.choice(len(at), rng.integers(3, 12), replace=False)] = True
-        found += bool(stand_together(at, wild, PRIORS).any())
+        found += bool(clustered(at, wild, PRIORS).any())
     assert found <= 3
 
 
@@ -50,4 +50,4 @@ def test_visits_of_one_command_are_one() -> None:
     at = operating_points(rng, 60)
     rows = np.concatenate([np.arange(60), np.repeat(7, 5)])
     again = OperatingPoints(at.kinematics, at.q[rows], at.kinematics.forward(at.q[rows]), {})
-    assert not stand_together(again, rows == 7, PRIORS).any()
+    assert not clustered(again, rows == 7, PRIORS).any()
