@@ -57,6 +57,12 @@ class Ranking:
 def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis, unlisted: bool = False) -> Ranking:
     """Everything that could be in the place of a cause, with its probability.
 
+    With the gain g_h in log evidence of each hypothesis h in the place of the cause, and the temperature T,
+
+        p_h = o_h exp(g_h / T) / (sum of o_h exp(g_h / T) over all h, + exp(g_s / T)),
+
+    where o_h are prior odds relative to the cause, and g_s is the largest gain of a smooth term, less what is against it.
+
     A hypothesis that only a proxy shows is at most as probable as the most probable one that recorded covariates show.
     ``unlisted``: whether something acts that no effect describes. Then nothing is against the smooth terms that compete.
     """

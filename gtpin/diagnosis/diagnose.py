@@ -16,15 +16,13 @@ from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset, by_region
 from gtpin.diagnosis.against import check
 from gtpin.diagnosis.doubts import (
-    described,
-    held_out,
-    hidden_in_scatter,
+    OF_LEFT_OUT_POSES,
+    OF_THE_FIT,
+    OF_THE_SEARCH,
+    Context,
+    FittedContext,
+    judged,
     questions,
-    with_full_digits,
-    with_one_measurement,
-    with_smaller_errors,
-    with_two_valued,
-    without_impossible,
 )
 from gtpin.diagnosis.gap import blocks_of, check_hold_out, gaps, n_sessions, unexplained, where
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
@@ -304,14 +302,8 @@ def fit(
     The checks always leave out neighbouring poses; ``hold_out`` says what is left out for the gap that is reported.
     """
     hypotheses, searched = settled.hypotheses, settled.searched
-    neighbours = blocks_of(searched, "region", rng)
-    found = described(hypotheses, found)
-    if hypotheses.design.measured.tracked:  # these checks are for poses, not for readings
-        found = with_full_digits(found, hypotheses, searched)
-        found = with_one_measurement(found, hypotheses, searched)
-        found = with_two_valued(hypotheses, found, settled.observed.noise)
-    inferred = floor_of(settled.observed.noise, hypotheses.design)
-    found = with_smaller_errors(hypotheses, found, neighbours)
+    context = judged(Context(prepared, settled, found, blocks_of(searched, "region", rng)), OF_THE_SEARCH)
+    found, inferred = context.found, floor_of(settled.observed.noise, hypotheses.design)
     try:
         model, causes = _fitted(prepared, settled, found)
     except ConvergenceError:  # the causes explain the data to first order only: no closed chain has them at such sizes
@@ -319,11 +311,10 @@ def fit(
             raise
         found = found.only(hypotheses, []).doubted(Doubt("held_out"))
         model, causes = _fitted(prepared, settled, found)
+    context = replace(context, found=found, causes=causes)
     asked = questions(found, causes, hypotheses.priors)
-    impossible = [question for question in asked if not question.believed]
-    if impossible:
-        other = infer(settled, {(q.effect, q.site) for q in impossible})
-        found = without_impossible(hypotheses, found, impossible, {c.place for c in other.sure()})
+    found = judged(context, OF_THE_FIT).found
+    if found is not context.found:
         model, causes = _fitted(prepared, settled, found)
     shown = ShownNoise.of(settled.observed, hypotheses, settled.guess, prepared.declared, hypotheses.priors)
     floor = shown.floor(hypotheses.design)
@@ -334,13 +325,9 @@ def fit(
         return replace(whole, hold_out=which, blocks=len(blocks), sessions=n_sessions(searched)), takes
 
     checked, takes = gaps_by("region")
-    found = without_undecided(hypotheses, found)
-    before, found = found, held_out(found, hypotheses, checked, settled.observed, shown)
-    at = hypotheses.design.operating_points
-    untestable = [one.hypothesis for one in hypotheses.untested]
-    hidden = hidden_in_scatter(found, _scatter(prepared, settled), untestable, at, hypotheses.priors)
-    if hidden:
-        found = found.doubted(Doubt("scatter", hidden[0].site))
+    before = without_undecided(hypotheses, found)
+    left_out = FittedContext(prepared, settled, before, context.blocks, causes, gap=checked, shown=shown)
+    found = judged(left_out, OF_LEFT_OUT_POSES).found
     sure = found.named_beside_unknown(hypotheses) if found.doubts else found
     if len(sure.classes) < len(found.classes) or found.classes is not before.classes:
         # A cause that is not sure may only take up a part of the unknown.
@@ -351,9 +338,9 @@ def fit(
     causes = [replace(c, explained_fraction=takes[c.effect, c.site]) for c in causes]
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
     small = {c.place for c in found.also}
-    no_cause = {c.place for c in found.classes} | {(q.effect, q.site) for q in impossible}
+    no_cause = {c.place for c in found.classes} | {(q.effect, q.site) for q in asked if not q.believed}
     likely = (place for place in found.likely if place not in no_cause)
-    could_be = tuple(dict.fromkeys((*likely, *(h.place for h in hidden), *remaining.could_be)))
+    could_be = tuple(dict.fromkeys((*likely, *remaining.could_be)))
     return Fitted(
         conclusion=found,
         model=model,
@@ -368,21 +355,11 @@ def fit(
     )
 
 
-def _scatter(prepared: Prepared, settled: SearchState) -> float:
-    """Scatter of the drives over the instrument's noise: from repeated visits for poses, from all residuals for readings."""
-    visits, noise = prepared.baseline.noise, settled.observed.noise
-    if settled.observed.measured.tracked:
-        return visits.repeatability / visits.position_sigma
-    moved = np.sqrt((settled.hypotheses.design.by_command_seen**2).sum(axis=2))
-    return float(np.median(noise.repeatability * moved / noise.each))
-
-
 def _fitted(prepared: Prepared, settled: SearchState, found: Conclusion) -> tuple[Model, list[Cause]]:
     """The model fitted with the causes, and the causes with their parameters."""
     named: Sequence[Hypothesis] = list(found.classes)
-    scale = [
-        found.scale[hypothesis] for hypothesis in named
-    ]  # not `cause` as the variable: in Python 3.12.1 the function `cause` would then be unbound below
+    # Not `cause` as the variable: in Python 3.12.1 the function `cause` would then be unbound below.
+    scale = [found.scale[hypothesis] for hypothesis in named]
     ordered = [strongest_first(settled.hypotheses, found.model, c) for c in named]
     model = fit_together(settled.everything, prepared.baseline.model, ordered, scale, settled.references)
     return model, [cause(model, own, found, c, settled.hypotheses) for c, own in zip(named, ordered, strict=True)]

@@ -1,47 +1,97 @@
-"""Reasons to assume something unknown, and what is named beside it."""
+"""The doubts: each reason to assume something unknown, as a rule with its source.
+
+A rule takes what is known so far, and returns the conclusion with its doubt and the causes that remain, or None where there is
+no such doubt. `OF_THE_SEARCH`, `OF_THE_FIT` and `OF_LEFT_OUT_POSES` at the end list the rules in their order. Two doubts are no
+rules of this file: smooth terms that are needed, and a drive beyond noise (``verdict.py``).
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp
+from typing import TypeVar
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import logsumexp
 
-from gtpin.data import Dataset
 from gtpin.data.duplicates import command_steps
 from gtpin.diagnosis.classes import ClassMember, _ordered, _own_probability, class_of, unnamed
-from gtpin.diagnosis.design import Design, Observed
+from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Posterior, without
 from gtpin.diagnosis.gap import leave_out
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
-from gtpin.diagnosis.noise import ShownNoise, floor_of, left_over
+from gtpin.diagnosis.noise import SearchState, ShownNoise, floor_of, left_over
+from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS, UNDECIDED, Priors
 from gtpin.diagnosis.result import Cause, Doubt, FlexibleFamily, Gap, Question
 from gtpin.diagnosis.search import HypothesisSet
-from gtpin.diagnosis.verdict import Conclusion, size, weak
-from gtpin.effects.operating_points import OperatingPoints
+from gtpin.diagnosis.verdict import Conclusion, infer, size, weak
 from gtpin.errors import warn
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.noise.estimate import LEAST_CONTRASTS
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats, Mask
 
+
+@dataclass(frozen=True)
+class Context:
+    """What a rule judges.
+
+    ``prepared``, ``settled``: the data, and the rows and hypotheses of the search. ``found``: the conclusion so far.
+    ``blocks``: (N,) masks of neighbouring poses, which are left out together. ``causes``: the causes after they were fitted.
+    """
+
+    prepared: Prepared
+    settled: SearchState
+    found: Conclusion
+    blocks: list[Mask]
+    causes: Sequence[Cause] = ()
+
+    @property
+    def hypotheses(self) -> HypothesisSet:
+        """The hypotheses of the search."""
+        return self.settled.hypotheses
+
+    @property
+    def of_poses(self) -> bool:
+        """Whether poses were measured, not readings."""
+        return self.settled.observed.measured.tracked
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedContext(Context):
+    """As :class:`Context`, with the errors on left-out poses ``gap``, and ``shown``, the noise by declaration and visits."""
+
+    gap: Gap
+    shown: ShownNoise
+
+
+C = TypeVar("C", bound=Context)
+
+
+def judged(context: C, rules: Iterable[Callable[[C], Conclusion | None]]) -> C:
+    """The context with the conclusion of some rules, applied one after the other."""
+    for rule in rules:
+        context = replace(context, found=rule(context) or context.found)
+    return context
+
+
 MOST_FORMS = 3
 """Most forms with few parameters that are a mechanism together: a bearing's axis with three error motions. Assumed."""
 
 
-def described(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
-    """The conclusion without causes that are only a description: flexible families, which follow any smooth motion.
+def flexible_families(context: Context) -> Conclusion | None:
+    """``description``: a flexible family (`cross_coupling`, `axis_motion`), which follows any smooth motion, is no cause.
 
     Such a family is a cause where forms with few parameters, its own or those of another family, are at least as likely as the
     family and as every smooth term that is not only its modulation, prior odds included. Its class then has the other families
     by their forms, and the cause is the likeliest of them. Otherwise the family says where the error is and over what, but not
     why: it is a doubt where it explains more than a small part of the gap, and no cause. Where its class is undecided it stays.
     """
+    hypotheses, found = context.hypotheses, context.found
     families, doubts, mechanisms = [], [], set(found.mechanisms)
     for cause, members in found.classes.items():
         if cause.effect.nature != "description" or members[0].probability < UNDECIDED:
@@ -132,32 +182,32 @@ VARIOUS = 0.5
 """Share of distinct commands of a drive above which they are not a grid that was chosen on purpose."""
 
 
-def with_full_digits(found: Conclusion, hypotheses: HypothesisSet, dataset: Dataset) -> Conclusion:
-    """The conclusion; without causes where the verdict is ``unknown`` and the errors are as small as the commands' last digit.
+def rounded_commands(context: Context) -> Conclusion | None:
+    """Where something is unknown and the errors are as small as the commands' last digit, nothing is named beside it.
 
-    ``dataset``: the rows that were searched.
+    Study: commands truncated to 0.1 mm (examples/mistakes).
 
     Warns (`GtpinWarning`): names the step of the commands.
     """
-    if found.verdict != "unknown":
-        return found
-    steps = command_steps(dataset.q, hypotheses.design.operating_points.robot.revolute)
+    design, dataset = context.hypotheses.design, context.settled.searched
+    if not (context.found.doubts and context.of_poses):
+        return None
+    steps = command_steps(dataset.q, design.operating_points.robot.revolute)
     if steps is None:
-        return found
+        return None
     step = float(steps.size[np.isfinite(steps.size)].max())
     # Multiples of a step, with too many distinct ones for a grid chosen on purpose.
     various = min(len(np.unique(column)) for column in np.round(dataset.q, 12).T) > VARIOUS * len(dataset)
     if step > COARSEST or not various:
-        return found
-    residual = left_over(hypotheses, NOTHING)[0]
-    errors = hypotheses.design.coloured(residual)[:, :3]
-    if np.sqrt((errors**2).sum(axis=1).mean()) > hypotheses.priors.few_steps * step:
-        return found
+        return None
+    errors = design.coloured(left_over(context.hypotheses, NOTHING)[0])[:, :3]
+    if np.sqrt((errors**2).sum(axis=1).mean()) > context.hypotheses.priors.few_steps * step:
+        return None
     size = steps.words if "degrees" in steps.words else f"{1e3 * step:g} mm or mrad"
     warn(
         f"commands have steps of {size}, and what is left is of that size: they look rounded or cut off; export more digits"
     )
-    return found.only(hypotheses, [])
+    return context.found.only(context.hypotheses, [])
 
 
 GROUP_SWEEPS = 30
@@ -206,20 +256,21 @@ def two_groups(
     return RowGroups(smaller, float(np.median(apart)))
 
 
-def with_one_measurement(found: Conclusion, hypotheses: HypothesisSet, dataset: Dataset) -> Conclusion:
-    """The conclusion, with a doubt where apparent noise comes from two groups of rows.
+def rows_in_two_groups(context: Context) -> Conclusion | None:
+    """``two_groups``: what looks like noise comes from two groups of rows with a frame each.
 
-    ``dataset``: the rows that were searched.
+    Study: two machines in one table (examples/mistakes); tests/diagnosis/test_suspicious_data.py.
 
     Warns (`GtpinWarning`): Lists the rows of the smaller group by their lines in the file.
     """
-    if found.doubts:
-        return found
+    hypotheses, found, dataset = context.hypotheses, context.found, context.settled.searched
+    if found.doubts or not context.of_poses:
+        return None
     instrument = dataset.instrument
     sigma = (instrument.position_sigma or USUAL_SIGMAS[0], instrument.orientation_sigma or USUAL_SIGMAS[1])
     groups = two_groups(hypotheses.design, left_over(hypotheses, found.model)[0], sigma, hypotheses.priors)
     if groups is None:
-        return found
+        return None
     lines = np.sort(dataset.row[groups.smaller])
     shown = ", ".join(str(line) for line in lines[:LISTED_ROWS])
     warn(
@@ -247,16 +298,18 @@ LARGER_SHARES = (0.3, 0.5, 0.7)
 """Shares of the rows with the larger value, that are tried."""
 
 
-def with_two_valued(hypotheses: HypothesisSet, found: Conclusion, noise: ReadingNoise) -> Conclusion:
-    """The conclusion; where a drive's errors have two values: without the causes of this drive, and with a doubt.
+def drive_with_two_values(context: Context) -> Conclusion | None:
+    """``two_valued``: the errors of a drive have two values, as by backlash whose direction of approach is not known.
 
-    Nothing is changed where causes of the drive explain most of these errors.
-
-    ``noise``: noise of the poses; only its instrument's part is used.
+    The causes of this drive are not named, unless they explain most of these errors: then there is no doubt. Only the
+    instrument's part of the noise is used.
     """
+    hypotheses, found, noise = context.hypotheses, context.found, context.settled.observed.noise
+    if found.doubts or not context.of_poses:
+        return None
     whole = drive_errors(hypotheses, found.model, noise)
-    if whole is None or found.doubts:
-        return found
+    if whole is None:
+        return None
     priors, sites = hypotheses.priors, hypotheses.design.operating_points.robot.sites
     least = max(priors.surely, priors.two_valued * len(whole.errors))
     for drive, site in enumerate(sites):
@@ -267,7 +320,7 @@ def with_two_valued(hypotheses: HypothesisSet, found: Conclusion, noise: Reading
         if whole.excess[drive] > priors.two_valued_left * alone.excess[drive]:
             kept = found.only(hypotheses, [cause for cause in found.beside_unknown() if cause.site != site])
             return kept.doubted(Doubt("two_valued", site, (f"approach{drive + 1}",)))
-    return found
+    return None
 
 
 @dataclass(frozen=True)
@@ -329,81 +382,21 @@ def two_values(errors: Floats, variance: Floats) -> float:
     return best - single
 
 
-_MOVES = re.compile(r"(approach|speed)[0-9]+")
-
-
-def hidden_in_scatter(
-    found: Conclusion, scatter: float, untestable: Iterable[Hypothesis], at: OperatingPoints, priors: Priors
-) -> tuple[Hypothesis, ...]:
-    """Effects of direction or speed whose columns were recorded, but left out because they contradict each other.
-
-    Where no cause was found and the scatter is large relative to the instrument's noise, such an effect may cause the
-    scatter. The verdict ``none`` would say that it was tested.
-
-    ``scatter``: ratio of the drives' repeatability to the instrument's noise.
-    """
-    if found.verdict != "none" or scatter <= priors.scatters:
-        return ()
-    return tuple(
-        hypothesis
-        for hypothesis in untestable
-        if any(_MOVES.fullmatch(name) and name in at.unusable for name in hypothesis.covariates(at.robot))
-    )
-
-
-def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask]) -> Conclusion:
-    """The conclusion; where all causes together do not make the errors of left-out poses smaller: without causes, with a doubt.
+def worse_predictions(context: Context) -> Conclusion | None:
+    """``held_out``: all causes together do not make the errors of left-out poses smaller; none is named.
 
     Errors are smaller where the product of two ratios is below 1, those of the mean squares of positions and of measured
     orientations: a wrist rotates the tool and hardly shifts it. The model that users get has no smooth terms, so none is here.
-
-    ``blocks``: (N,) masks of the poses left out together, a partition.
     """
+    design, found = context.hypotheses.design, context.found
     if not found.classes:
-        return found
-    nothing = np.zeros((len(hypotheses.design.y), 0))
-    alone, whole = (leave_out(hypotheses.design, some, blocks) for some in (nothing, hypotheses.columns(found.model)))
+        return None
+    nothing, causes = np.zeros((len(design.y), 0)), context.hypotheses.columns(found.model)
+    alone, whole = (leave_out(design, some, context.blocks) for some in (nothing, causes))
     compared = [(alone.errors, whole.errors)] + [(alone.turned, whole.turned)] * bool(alone.turned.size)
     if np.prod([(after**2).sum() / (before**2).sum() for before, after in compared]) < 1.0:
-        return found
-    return found.only(hypotheses, []).doubted(Doubt("held_out"))
-
-
-def held_out(
-    found: Conclusion, hypotheses: HypothesisSet, whole: Gap, observed: Observed, shown: ShownNoise
-) -> Conclusion:
-    """The conclusion, with a doubt where residuals and errors on left-out poses are larger than noise.
-
-    Beside causes, the errors may exceed noise by a small share of the gap, since no cause follows its equation exactly: of
-    the gap of positions on left-out poses, or of all that was measured, in units of noise. A wrist rotates the tool and hardly
-    shifts it.
-
-    Noise is what was declared or what repeated visits show. Nothing can exceed noise that is assumed from the residuals.
-    Without causes the repeatability is the largest that the visits allow; beside causes it is the likeliest, else what the
-    causes do not explain would pass for it.
-
-    ``whole``: the gap on left-out poses with all causes.
-    """
-    if found.doubts or shown.source == "residuals":
-        return found
-    priors, silent = hypotheses.priors, found.verdict == "none"
-    if silent and shown.contradicted:
-        return found.doubted(Doubt("visits"))
-    noise = shown.most if silent else shown.noise
-    size, chance, part = shown.excess(noise, observed, hypotheses, found.model)
-    allowed = float(floor_of(noise, hypotheses.design).mean() / shown.floor(hypotheses.design).mean())
-    before, after, floor = whole.before**2, whole.after**2, allowed * whole.floor**2
-    far = after > priors.silent**2 * floor
-    if not silent:
-        far = after - floor > priors.core_leaves * (before - floor)
-        far &= shown.share_left(observed, hypotheses, found.model) > priors.core_leaves
-    if chance <= priors.chance and (far or (silent and size > priors.excess)):
-        # Something acts that no effect describes: a smooth term may as well be in the place of a certain cause.
-        model = found.whole(hypotheses)
-        again = {cause: class_of(hypotheses, model, cause, unlisted=True) for cause in found.sure()}
-        doubt = Doubt("part", part) if part else Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out")
-        return replace(found, classes={**found.classes, **again}).doubted(doubt)
-    return found
+        return None
+    return found.only(context.hypotheses, []).doubted(Doubt("held_out"))
 
 
 def questions(found: Conclusion, causes: Iterable[Cause], priors: Priors) -> list[Question]:
@@ -429,6 +422,18 @@ def questions(found: Conclusion, causes: Iterable[Cause], priors: Priors) -> lis
     return sorted(asked, key=lambda question: question.believed)
 
 
+def impossible_parameters(context: Context) -> Conclusion | None:
+    """``impossible``: a cause would need a parameter that physics does not allow; something unknown looks like it.
+
+    Of the others, those are named that a search without the impossible ones names with confidence.
+    """
+    asked = [one for one in questions(context.found, context.causes, context.hypotheses.priors) if not one.believed]
+    if not asked:
+        return None
+    other = infer(context.settled, {(one.effect, one.site) for one in asked})
+    return without_impossible(context.hypotheses, context.found, asked, {cause.place for cause in other.sure()})
+
+
 def without_impossible(
     hypotheses: HypothesisSet, found: Conclusion, asked: Sequence[Question], sure: Collection[tuple[str, str]]
 ) -> Conclusion:
@@ -442,3 +447,74 @@ def without_impossible(
     over = tuple(sorted(wrong.drivers(hypotheses.design.operating_points.robot)))
     kept = found.only(hypotheses, [cause for cause in found.classes if cause.place in {*sure} - places])
     return kept.doubted(Doubt("impossible", wrong.site, over))
+
+
+def errors_beyond_noise(context: FittedContext) -> Conclusion | None:
+    """``held_out``, ``part``, ``excess``, ``visits``: residuals and errors on left-out poses are larger than noise.
+
+    Beside causes, the errors may exceed noise by a small share of the gap, since no cause follows its equation exactly: of
+    the gap of positions on left-out poses, or of all that was measured, in units of noise. A wrist rotates the tool and hardly
+    shifts it.
+
+    Noise is what was declared or what repeated visits show. Nothing can exceed noise that is assumed from the residuals.
+    Without causes the repeatability is the largest that the visits allow; beside causes it is the likeliest, else what the
+    causes do not explain would pass for it. Study: examples/diagnosis/noise_floor.py.
+    """
+    found, hypotheses, shown, observed = context.found, context.hypotheses, context.shown, context.settled.observed
+    if found.doubts or shown.source == "residuals":
+        return None
+    priors, silent = hypotheses.priors, found.verdict == "none"
+    if silent and shown.contradicted:
+        return found.doubted(Doubt("visits"))
+    noise = shown.most if silent else shown.noise
+    size, chance, part = shown.excess(noise, observed, hypotheses, found.model)
+    allowed = float(floor_of(noise, hypotheses.design).mean() / shown.floor(hypotheses.design).mean())
+    before, after, floor = context.gap.before**2, context.gap.after**2, allowed * context.gap.floor**2
+    far = after > priors.silent**2 * floor
+    if not silent:
+        far = after - floor > priors.core_leaves * (before - floor)
+        far &= shown.share_left(observed, hypotheses, found.model) > priors.core_leaves
+    if chance > priors.chance or not (far or (silent and size > priors.excess)):
+        return None
+    # Something acts that no effect describes: a smooth term may as well be in the place of a certain cause.
+    model = found.whole(hypotheses)
+    again = {cause: class_of(hypotheses, model, cause, unlisted=True) for cause in found.sure()}
+    doubt = Doubt("part", part) if part else Doubt("excess" if shown.visits < LEAST_CONTRASTS else "held_out")
+    return replace(found, classes={**found.classes, **again}).doubted(doubt)
+
+
+_MOVES = re.compile(r"(approach|speed)[0-9]+")
+
+
+def hidden_in_scatter(context: Context) -> Conclusion | None:
+    """``scatter``: visits scatter, and columns of direction or speed, which could show why, contradict each other.
+
+    The verdict ``none`` would say that effects of these columns were tested. Study: of eight machines with directions of other
+    rows, three with backlash are called ``none`` without this rule (examples/mistakes).
+    """
+    found, at = context.found, context.hypotheses.design.operating_points
+    if found.verdict != "none" or _scatter(context) <= context.hypotheses.priors.scatters:
+        return None
+    hidden = [
+        untested.hypothesis.place
+        for untested in context.hypotheses.untested
+        if any(_MOVES.fullmatch(n) and n in at.unusable for n in untested.hypothesis.covariates(at.robot))
+    ]
+    return replace(found, likely=(*found.likely, *hidden)).doubted(Doubt("scatter", hidden[0][1])) if hidden else None
+
+
+def _scatter(context: Context) -> float:
+    """Scatter of the drives over the instrument's noise: from repeated visits for poses, from all residuals for readings."""
+    visits, noise = context.prepared.baseline.noise, context.settled.observed.noise
+    if context.of_poses:
+        return visits.repeatability / visits.position_sigma
+    moved = np.sqrt((context.hypotheses.design.by_command_seen**2).sum(axis=2))
+    return float(np.median(noise.repeatability * moved / noise.each))
+
+
+OF_THE_SEARCH = (flexible_families, rounded_commands, rows_in_two_groups, drive_with_two_values, worse_predictions)
+"""Rules that need nothing but the search."""
+OF_THE_FIT = (impossible_parameters,)
+"""Rules that need the causes' parameters, fitted together with the geometry."""
+OF_LEFT_OUT_POSES = (errors_beyond_noise, hidden_in_scatter)
+"""Rules that need the errors on left-out poses."""

@@ -143,6 +143,10 @@ def best_scales(
 ) -> tuple[Floats, Floats]:
     """(S,) largest gains in log evidence over the scales, and these scales, for S groups of c columns.
 
+    With the eigenvalues lambda_j of a group's inner products, and its components a_j along the eigenvectors,
+
+        gain(s) = sum over j of [s^2 a_j^2 / (1 + s^2 lambda_j) - ln(1 + s^2 lambda_j)] / 2 - (ln s / scale_spread)^2 / 2.
+
     A scale is admitted only where the coefficients of the group's core have a root mean square of at least
     ``priors.least_core`` times the scale (core and modulation in the glossary).
 
@@ -196,7 +200,13 @@ NOTHING: Posterior[Any] = Posterior((), (), (), 0.0, np.zeros(0), np.zeros((0, 0
 
 
 def fixed(groups: Groups[K], terms: Sequence[K], scale: Sequence[float]) -> Posterior[K]:
-    """The model of some groups with given scales."""
+    """The model of some groups with given scales: with M = S G S and b = S g,
+
+        ln Lambda = b' (1 + M)^-1 b / 2 - ln det(1 + M) / 2 + log prior of the scales,
+
+    where G has the inner products of all columns, g those with the residual, and S is the diagonal matrix of the scales. The
+    posterior of the coefficients has the covariance C = S (1 + M)^-1 S and the mean C g.
+    """
     if not terms:
         return NOTHING
     widths = tuple(groups.width(n) for n in terms)
@@ -238,7 +248,10 @@ def marginal_power(groups: Groups[K], model: Posterior[K]) -> float:
 
 
 def given(groups: Groups[K], model: Posterior[K], term: K) -> tuple[Floats, Floats]:
-    """(c, c) inner products of a group with itself and (c,) with the residual, geometry and a model marginalised."""
+    """(c, c) inner products of a group k with itself and (c,) with the residual, geometry and a model marginalised:
+
+    G_kk - G_km C G_mk and g_k - G_km c, with the model's covariance C and mean c.
+    """
     across = groups.across(term, model.terms)
     gram = groups.block(term, term) - across @ model.covariance @ across.T
     return gram, groups.moment(term) - across @ model.mean

@@ -1,4 +1,11 @@
-"""Prior odds of the terms, and the search for the model of largest log posterior."""
+"""Prior odds of the terms, and the search for the model of largest log posterior.
+
+The log posterior of a model m, but for a constant, is its log evidence less the cost of each of its terms:
+
+    ln Lambda(m) - sum of kappa_k over the terms k of m,
+
+with kappa_k of :meth:`HypothesisSet.costs`. The search adds, exchanges and removes terms while this increases.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +85,7 @@ class HypothesisSet:
     may have a proxy. ``of_sessions``: additional log prior odds against terms that depend on the session, nats.
     ``proxies``: computes the proxies of effects that lack a covariate, when they are first needed.
 
-    ``threshold`` has the log prior odds against a first named cause, nats: ln(number of hypotheses / ``scope.false_alarm``).
+    ``threshold``: log prior odds against a first named cause, nats: ln(number of hypotheses / ``scope.false_alarm``).
     """
 
     def __init__(
@@ -163,20 +170,30 @@ class HypothesisSet:
         self.groups.join(hypothesis, lines)
 
     def cost(self, term: Term) -> float:
-        """Log prior odds against a term as the only one, nats: its gain in log evidence must exceed them."""
+        """Log prior odds against a term as the only one, nats: its gain in log evidence must exceed them.
+
+        ln(n / alpha) for n named hypotheses and the false alarm rate alpha, ``unnamed`` more for smooth terms, and, for effects
+        of merged sessions, the logarithm of the number of ways to merge them.
+        """
         unnamed = self.priors.unnamed if isinstance(term, SmoothTerm) else 0.0
         divided = "session" in explained_by(term).drivers(self.design.operating_points.robot)
         return self.threshold + unnamed + (self.of_sessions if divided else 0.0)
 
     def share(self, term: Term, stronger: Term) -> float:
-        """Share of a stronger term's evidence that is added to the prior odds against ``term``."""
+        """Share of a stronger term's evidence that is the penalty of ``term`` beside it."""
         robot, a, b = self.design.operating_points.robot, explained_by(term), explained_by(stronger)
         if a.site == b.site and a.drivers(robot) & b.drivers(robot):
             return self.priors.same
         return self.priors.related if related(robot, a, b) else self.priors.other
 
     def costs(self, terms: Sequence[Term]) -> dict[Term, float]:
-        """Log prior odds against each term of a model, nats."""
+        """Cost of each term of a model, nats: what its gain in log evidence must exceed.
+
+            kappa_k = cost of k alone + max over stronger j of (share(k, j) a(j)) + [third or later] third + line (lines - 1)
+
+        with a(j) the gain of j as the only term. All but the second are log prior odds. The second is a penalty by the data's
+        own evidence: no machine follows an equation exactly, and a false second term could gain what the stronger one leaves.
+        """
         templates = tuple(self.without_value(term) for term in terms)
         if templates not in self._costs:
             alone, found = {term: self.alone(term) for term in templates}, []
@@ -197,7 +214,7 @@ class HypothesisSet:
         return self.gains(NOTHING, (open_,))[open_].value
 
     def log_posterior(self, model: Posterior[Term]) -> float:
-        """Log posterior of a model, but for a constant: its log evidence less the log prior odds against its terms, nats."""
+        """Log posterior of a model, nats, but for a constant: its log evidence less the costs of its terms."""
         return model.log_evidence - sum(self.costs(model.terms).values())
 
     def net_gains(self, model: Posterior[Term], terms: Iterable[T]) -> dict[T, Gain]:

@@ -192,7 +192,13 @@ def decide(hypotheses: HypothesisSet, guess: Posterior[Term] = NOTHING) -> Concl
 
 
 def _unknown(hypotheses: HypothesisSet, mixed: Posterior[Term], named: Posterior[Term]) -> float:
-    """Probability of the model with smooth terms, as opposed to the one without."""
+    """Probability of the model with smooth terms ``mixed``, m_s, as opposed to ``named``, m_n, without.
+
+        P = 1 / (1 + exp(-D / T)),    D = log posterior of m_s - log posterior of m_n - d (ln Lambda(m_s) - ln Lambda(m_c))
+
+    m_c has the causes of m_s alone, and d is ``departure`` or, where the smooth terms can be a modulation of a named cause,
+    ``modulation``: a cause's departure from its equation gains that share of the evidence.
+    """
     priors = hypotheses.priors
     known = hypotheses.only(mixed, causes(mixed))
     modulation = all(hypotheses.modulates(smooth, named) for smooth in smooth_of(mixed))

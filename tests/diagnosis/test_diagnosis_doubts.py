@@ -127,7 +127,7 @@ def test_causes_must_make_left_out_positions_and_orientations_together_better(
         return replace(alone, errors=nearer * alone.errors, turned=straighter * alone.turned)
 
     monkeypatch.setattr(rules, "leave_out", left)
-    after = rules.with_smaller_errors(hypotheses, found, [])
+    after = rules.worse_predictions(SimpleNamespace(hypotheses=hypotheses, found=found, blocks=[])) or found
     assert bool(after.classes) == kept
     assert [doubt.reason for doubt in after.doubts] == ([] if kept else ["held_out"])
 
@@ -183,5 +183,7 @@ def test_what_causes_leave_is_compared_with_the_likeliest_noise_and_silence_with
     hypotheses = SimpleNamespace(priors=PRIORS, design=None)
     monkeypatch.setattr(rules, "class_of", lambda *_, unlisted: (ClassMember(cause, 1.0),))
     monkeypatch.setattr(Conclusion, "whole", lambda *_: NOTHING)
-    after = rules.held_out(found, hypotheses, SimpleNamespace(before=2.8, after=1.6, floor=1.0), None, shown)
+    gap, settled = SimpleNamespace(before=2.8, after=1.6, floor=1.0), SimpleNamespace(observed=None)
+    context = SimpleNamespace(found=found, hypotheses=hypotheses, gap=gap, settled=settled, shown=shown)
+    after = rules.errors_beyond_noise(context) or found
     assert [doubt.reason for doubt in after.doubts] == doubts

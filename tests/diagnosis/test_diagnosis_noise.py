@@ -130,7 +130,7 @@ def test_only_the_sigma_that_is_not_declared_changes():
 def test_what_errs_alike_at_every_visit_is_no_scatter(seed):
     observed = measured(seed, fast=5e-5)
     found = reestimate_noise(observed, hypotheses_of(observed), NOTHING)
-    assert found.restless == "cart2"
+    assert found.drive_beyond_noise == "cart2"
     assert found.observed.noise.repeatability < 2e-5
 
 
