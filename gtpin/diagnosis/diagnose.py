@@ -24,7 +24,7 @@ from gtpin.diagnosis.doubts import (
     judged,
     questions,
 )
-from gtpin.diagnosis.gap import blocks_of, check_hold_out, gaps, n_sessions, unexplained, where
+from gtpin.diagnosis.gap import blocks_of, check_hold_out, gaps, unexplained, where
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.joint_fit import cause, fit_together
 from gtpin.diagnosis.next_experiment import classes, plan
@@ -317,12 +317,12 @@ def fit(
     if found is not context.found:
         model, causes = _fitted(prepared, settled, found)
     shown = ShownNoise.of(settled.observed, hypotheses, settled.guess, prepared.declared, hypotheses.priors)
-    floor = shown.floor(hypotheses.design)
+    floor, sessions = shown.floor(hypotheses.design), len(set(searched.covariates.get("session", ("",))))
 
     def gaps_by(which: HoldOut) -> tuple[Gap, dict[tuple[str, str], float]]:
         blocks = blocks_of(searched, which, rng)
         whole, takes = gaps(hypotheses, found, floor, blocks, rng, which == "session", inferred)
-        return replace(whole, hold_out=which, blocks=len(blocks), sessions=n_sessions(searched)), takes
+        return replace(whole, hold_out=which, blocks=len(blocks), sessions=sessions), takes
 
     checked, takes = gaps_by("region")
     before = without_undecided(hypotheses, found)

@@ -260,11 +260,6 @@ def blocks_of(dataset: Dataset, hold_out: HoldOut, rng: np.random.Generator) -> 
     return by_region(dataset, groups)
 
 
-def n_sessions(dataset: Dataset) -> int:
-    """Number of different names in the column ``session``; 1 without this column."""
-    return len(set(dataset.covariates["session"])) if "session" in dataset.covariates else 1
-
-
 def _stretch(time: npt.NDArray[np.float64]) -> npt.NDArray[np.int_]:
     """(N,) index of each row's interval of time. Intervals have about equally many rows; rows of one instant stay together."""
     _, instant, count = np.unique(time, return_inverse=True, return_counts=True)

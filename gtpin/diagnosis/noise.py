@@ -118,9 +118,11 @@ def reestimate_noise(
         most = most_repeatability(found.take(rows), scatter, J[rows], grid, priors)
         if found.repeatability > most:
             found = replace(found, repeatability=most)
-            drive = (
-                None if noise.estimated.any() else _drive_by_score(found, errors, design, model.log_evidence, priors)
-            )
+            if not noise.estimated.any():  # a score test: along which drive do the errors exceed this noise most?
+                seen = np.linalg.solve(found.covariance(J, design.components), J)
+                score, size = np.einsum("nci,nc->ni", seen, errors) ** 2, np.einsum("nci,nci->ni", seen, J)
+                sites = design.operating_points.robot.sites
+                drive = _beyond_noise(score, size, sites, model.log_evidence, priors)
             if drive is not None:
                 weight = np.ones(len(errors))  # these errors are no noise, so their tails say nothing about the noise
     before, after = (
@@ -168,22 +170,6 @@ def misfit(noise: ReadingNoise, scatter: Floats, J: Floats) -> float:
     return float(np.linalg.slogdet(covariance)[1].sum() + (scatter * solved).sum())
 
 
-def _drive_by_score(
-    noise: ReadingNoise, errors: Floats, design: Design, explained: float, priors: Priors
-) -> str | None:
-    """The actuator along whose motion the errors (N, c), m and rad, exceed the noise most, by a score test; None where none
-    does.
-
-    ``explained``: log evidence of the model; a share of it is tolerated, because no machine follows the equations exactly.
-    """
-    J, c = design.by_command_seen, design.components
-    seen = np.linalg.solve(noise.covariance(J, c), J)
-    score = (np.einsum("nci,nc->ni", seen, errors)) ** 2
-    return _beyond_noise(
-        score, np.einsum("nci,nci->ni", seen, J), design.operating_points.robot.sites, explained, priors
-    )
-
-
 def drive_beyond_noise(hypotheses: HypothesisSet, model: Posterior[Term], sites: Sequence[str]) -> str | None:
     """The one of some actuators along whose motion the residuals of a model exceed the noise most; None where none does."""
     design = hypotheses.design
@@ -194,7 +180,10 @@ def drive_beyond_noise(hypotheses: HypothesisSet, model: Posterior[Term], sites:
 
 
 def _beyond_noise(score: Floats, size: Floats, sites: Sequence[str], explained: float, priors: Priors) -> str | None:
-    """The site whose squared scores (N, n) exceed their expected values ``size`` most; None where none exceeds them."""
+    """The site whose squared scores (N, n) exceed their expected values ``size`` most; None where none exceeds them.
+
+    ``explained``: log evidence of the model; a share of it is tolerated, because no machine follows the equations exactly.
+    """
     excess = (score - size).sum(axis=0)
     z = excess / np.sqrt(2.0 * (size**2).sum(axis=0))
     best = int(np.argmax(z))

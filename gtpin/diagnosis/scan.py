@@ -234,7 +234,9 @@ class Scan:
             return ()
         trials = float(np.log(len(gains)))
         least, found = max(ALIKE * float(gains[top]), trials), list(others)
-        left = np.where((gains >= least) & _peaks(gains), gains, NO_GAIN)
+        around = np.pad(gains, 1, constant_values=-np.inf)
+        peaks = (gains >= around[:-2]) & (gains >= around[2:])
+        left = np.where((gains >= least) & peaks, gains, NO_GAIN)
         result: list[tuple[float, float, float]] = []
         left[top] = NO_GAIN
         found.append(float(self.values[top]))
@@ -284,12 +286,6 @@ class Scan:
             moments = moments - across @ model.mean
             grams = grams - across @ model.covariance @ across.transpose(0, 2, 1)
         return best_scales(grams, moments, self.effect.core, self.priors)
-
-
-def _peaks(gains: Floats) -> npt.NDArray[np.bool_]:
-    """Which gains are no less than those of both neighbours."""
-    around = np.pad(gains, 1, constant_values=-np.inf)
-    return np.asarray((gains >= around[:-2]) & (gains >= around[2:]))
 
 
 LEAST_SEEN = 1e-6

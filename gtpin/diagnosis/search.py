@@ -320,19 +320,17 @@ MOST_TERMS = 5
 """Most terms in a model of a robot with rods; without rods, one more for each actuator."""
 
 
-def most_terms(hypotheses: HypothesisSet) -> int:
-    """Largest number of terms in a model."""
-    return MOST_TERMS + hypotheses.design.operating_points.robot.n_actuators if hypotheses.long else MOST_TERMS
-
-
 def rough_guess(hypotheses: HypothesisSet, before: Posterior[Term] = NOTHING) -> Posterior[Term]:
     """A model of everything that is not noise, by one search from a single first term.
 
     ``before``: an earlier such model, of these poses with another noise. A search of a robot without rods, whose models are
     long, starts from it.
     """
-    alone = hypotheses.gains(NOTHING, hypotheses.every)
-    return search(hypotheses, hypotheses.every, alone, beginnings=1, start=_with_new_noise(hypotheses, before))
+    alone, start, known = hypotheses.gains(NOTHING, hypotheses.every), NOTHING, set(hypotheses.every)
+    terms = [term for term in before.terms if hypotheses.without_value(term) in known]
+    if hypotheses.long and terms:
+        start = _pruned(hypotheses, hypotheses.of(terms, [scales(before)[term] for term in terms]))
+    return search(hypotheses, hypotheses.every, alone, beginnings=1, start=start)
 
 
 def search(
@@ -340,17 +338,15 @@ def search(
     terms: Sequence[Term],
     alone: Mapping[Term, Gain],
     beginnings: int = BEAM,
-    largest: int | None = None,
     start: Posterior[Term] = NOTHING,
 ) -> Posterior[Term]:
     """The model of largest log posterior that was found, out of some terms.
 
     ``terms``: the terms that the model can have. ``alone``: gain in log evidence of each as the only one.
-    ``beginnings``: number of first terms that are tried. ``largest``: largest number of terms in the model; by
-    default :func:`most_terms`. ``start``: a model of these hypotheses that is extended first. If it then has more than
-    ``MOST_TERMS`` terms, no other first term is tried.
+    ``beginnings``: number of first terms that are tried. ``start``: a model of these hypotheses that is extended first. If it
+    then has more than ``MOST_TERMS`` terms, no other first term is tried.
     """
-    largest = most_terms(hypotheses) if largest is None else largest
+    largest = MOST_TERMS + hypotheses.design.operating_points.robot.n_actuators if hypotheses.long else MOST_TERMS
     terms = _with_room(hypotheses, NOTHING, terms)
     order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))
     best: Posterior[Term] = _extend(hypotheses, start, terms, largest) if start.terms else NOTHING
@@ -360,30 +356,18 @@ def search(
             break
         if term in taken:
             continue
-        larger = _search_from(hypotheses, alone[term].term, terms, largest)
+        first = alone[term].term
+        if (key := (first, tuple(terms), largest)) not in hypotheses.searches:
+            hypotheses.searches[key] = _extend(hypotheses, hypotheses.extended(NOTHING, first), terms, largest)
+        larger = hypotheses.searches[key]
         if hypotheses.log_posterior(larger) > hypotheses.log_posterior(best):
             best = larger
             taken = {hypotheses.without_value(t) for t in best.terms}
     return best
 
 
-def _search_from(hypotheses: HypothesisSet, first: Term, terms: Sequence[Term], largest: int) -> Posterior[Term]:
-    key = first, tuple(terms), largest
-    if key not in hypotheses.searches:
-        hypotheses.searches[key] = _extend(hypotheses, hypotheses.extended(NOTHING, first), terms, largest)
-    return hypotheses.searches[key]
-
-
-def _with_new_noise(hypotheses: HypothesisSet, before: Posterior[Term]) -> Posterior[Term]:
-    """An earlier model with this noise: its terms that these hypotheses have, without those that reduce the log posterior."""
-    known = set(hypotheses.every)
-    terms = [term for term in before.terms if hypotheses.without_value(term) in known]
-    if not hypotheses.long or not terms:
-        return NOTHING
-    return _pruned(hypotheses, hypotheses.of(terms, [scales(before)[term] for term in terms]))
-
-
 def _extend(hypotheses: HypothesisSet, model: Posterior[Term], terms: Sequence[Term], largest: int) -> Posterior[Term]:
+    """A model after all steps that increase its log posterior: one more term, more lines of a term, exchanges, removals."""
     last: dict[tuple[str, str], float] = {}
     while True:
         lines = further_lines(hypotheses, model, last=last)
@@ -398,10 +382,8 @@ def _extend(hypotheses: HypothesisSet, model: Posterior[Term], terms: Sequence[T
                 larger = _pruned(hypotheses, widened(hypotheses, model, *lines[1:]))
             elif step == "term" and best is not None and best.whole >= 0.0:
                 larger = with_all_lines(hypotheses, model, best)
-                if not hypotheses.long:
-                    # The same model, found from other first terms, then has the same values, and known gains. Of a
-                    # long model a term would be removed that a swap makes useful.
-                    larger = _revalued(hypotheses, _pruned(hypotheses, larger))
+                if not hypotheses.long:  # of a long model a term would be removed that a swap makes useful
+                    larger = _pruned(hypotheses, larger)
                 larger = _pruned(hypotheses, _swapped(hypotheses, larger, terms))
             if hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
                 break
@@ -454,13 +436,20 @@ def _swapped(hypotheses: HypothesisSet, model: Posterior[Term], terms: Sequence[
         before = model
         for term in model.terms:
             rest = without(hypotheses.groups, model, term, sweeps=1)
-            others = _instead(hypotheses, term, _with_room(hypotheses, rest, terms))
+            others = _with_room(hypotheses, rest, terms)
+            if hypotheses.long:  # of many terms, only those that can look like this one
+                robot, mine = hypotheses.design.operating_points.robot, explained_by(term)
+                others = [
+                    t
+                    for t in others
+                    if same_place(robot, mine, explained_by(t)) or related(robot, mine, explained_by(t))
+                ]
             found = hypotheses.gains(rest, (hypotheses.without_value(term), *others))
             gains = {t: gain.value - hypotheses.cost(t) for t, gain in found.items()}
             own, other = hypotheses.without_value(term), max(gains, key=lambda t: gains[t])
             # Further lines of a periodic error are not in the gain of a single one.
-            mine = max(gains[own], hypotheses.log_posterior(model) - hypotheses.log_posterior(rest))
-            if other != own and gains[other] > mine + 0.5:
+            least = max(gains[own], hypotheses.log_posterior(model) - hypotheses.log_posterior(rest)) + 0.5
+            if other != own and gains[other] > least:
                 trial = hypotheses.extended(rest, found[other].term)
                 if hypotheses.log_posterior(trial) > hypotheses.log_posterior(model):
                     model = trial
@@ -468,27 +457,6 @@ def _swapped(hypotheses: HypothesisSet, model: Posterior[Term], terms: Sequence[
         if model is before:
             return model
     return model
-
-
-def _revalued(hypotheses: HypothesisSet, model: Posterior[Term]) -> Posterior[Term]:
-    """The model with nonlinear parameters estimated beside the terms that are left; they were found beside others."""
-    for term in model.terms:
-        if isinstance(term, Hypothesis) and len(term.values) == 1:
-            rest = without(hypotheses.groups, model, term, sweeps=1)
-            found = hypotheses.gains(rest, (term.template,))[term.template].term
-            if isinstance(found, Hypothesis) and found != term:
-                trial = hypotheses.replaced(model, term, found)
-                if hypotheses.log_posterior(trial) > hypotheses.log_posterior(model):
-                    model = trial
-    return model
-
-
-def _instead(hypotheses: HypothesisSet, term: Term, terms: Sequence[Term]) -> Sequence[Term]:
-    """The terms that are tried in the place of ``term``: for a robot without rods, those that can look like it."""
-    robot, own = hypotheses.design.operating_points.robot, explained_by(term)
-    if not hypotheses.long:
-        return terms
-    return [t for t in terms if same_place(robot, own, explained_by(t)) or related(robot, own, explained_by(t))]
 
 
 def _pruned(hypotheses: HypothesisSet, model: Posterior[Term]) -> Posterior[Term]:
