@@ -488,7 +488,7 @@ def searchable_rows(prepared: Prepared, priors: Priors) -> Mask:
         if len(together):
             named = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[together]))
             warn(
-                f"no gross errors, since they stand together over a command or a load: the diagnosis uses poses {named}"
+                f"no gross errors, since they are clustered over a command or a load: the diagnosis uses poses {named}"
             )
     return used
 

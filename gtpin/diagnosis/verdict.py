@@ -139,7 +139,8 @@ def infer(settled: SearchState, barred: Collection[tuple[str, str]] = ()) -> Con
     while True:
         out = {*barred, *scattered}
         allowed, guess = hypotheses.barring(out) if out else hypotheses, settled.guess
-        guess = allowed.only(guess, [t for t in guess.terms if getattr(t, "place", None) not in out]) if out else guess
+        if out:
+            guess = allowed.only(guess, [t for t in guess.terms if not isinstance(t, Hypothesis) or t.place not in out])
         found = decide(allowed, guess)
         if not (by_chance := chance_lines(hypotheses, found.model)):
             break

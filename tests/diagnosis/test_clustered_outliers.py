@@ -1,4 +1,4 @@
-"""Gross errors happen anywhere; outliers that stand together over a coordinate of the machine are none."""
+"""Gross errors happen anywhere; outliers that are clustered over a coordinate of the machine are none."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def operating_points(rng: np.random.Generator, count: int = 190) -> OperatingPoi
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("over", ["travel", "force"])
-def test_outliers_of_one_interval_stand_together(seed: int, over: str) -> None:
+def test_outliers_of_one_interval_are_clustered(seed: int, over: str) -> None:
     """A pit of a track, and play that the force of a rod takes up at five of 190 poses."""
     rng = np.random.default_rng(seed)
     at = operating_points(rng)
@@ -32,7 +32,7 @@ def test_outliers_of_one_interval_stand_together(seed: int, over: str) -> None:
     assert not found[~wild].any()
 
 
-def test_gross_errors_at_random_seldom_stand_together() -> None:
+def test_gross_errors_at_random_are_seldom_clustered() -> None:
     """By the bound, in at most one of 1,000 draws: more than 3 of 300 have a chance below 3e-4 (Poisson)."""
     rng = np.random.default_rng(7)
     at = operating_points(rng, 120)

@@ -126,7 +126,7 @@ def test_a_fit_after_a_search_of_half_the_rows_is_that_after_a_search_of_all(mon
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_pit_of_a_track_is_unknown_there_and_neither_set_aside_nor_a_step(seed):
-    """A bell of a fiftieth of the travel: most poses do not see it, and those that do stand together."""
+    """A bell of a fiftieth of the travel: most poses do not see it, and those that do are clustered."""
     dataset = make_case(seed, effects=[], poses=200).dataset
     q = dataset.q[:, 1]
     at = np.median(q)
