@@ -67,86 +67,95 @@ def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis,
     ``unlisted``: whether something acts that no effect describes. Then nothing is against the smooth terms that compete.
     """
     rest = without(hypotheses.groups, model, cause, sweeps=1)
-    gains = hypotheses.gains(rest, hypotheses.named)
-    mine = cause.template
-    priors = hypotheses.priors
-    others = _with_lines(hypotheses, rest, gains, cause)
-    if cause.further or others:  # all its lines together; if others have lines, with all scales estimated, as for those
-        gained = model.log_evidence - rest.log_evidence - priors.line * len(cause.further)
-        gains[mine] = Gain(max(gains[mine].value, gained), cause)
-    gains |= others
-    own = max(gains[mine].value, 0.0)
-    temperature = priors.temperature_of(own)
-    found = {h: gain.term if isinstance(gain.term, Hypothesis) else h for h, gain in gains.items()}
-    found[mine] = cause
-    # Prior odds differ because a hypothesis at the site of a stronger cause may be that cause's departure from its equation.
-    costs = {h: sum(hypotheses.costs((*rest.terms, h)).values()) for h in (*gains, mine)}
-    # It may be so; where it explains as much as the cause, it stays in the class.
-    log = {
+    gains = _gains(hypotheses, model, rest, cause)
+    mine, priors = cause.template, hypotheses.priors
+    temperature = priors.temperature_of(gains[mine].value)
+
+    # Costs differ because a hypothesis at the site of a stronger cause may be that cause's departure from its equation. It may
+    # be so; where it explains as much as the cause, it stays in the class.
+    costs = {h: sum(hypotheses.costs((*rest.terms, h)).values()) for h in gains}
+    log_odds = {
         h: gain.value / temperature - min((costs[h] - costs[mine]) / temperature, priors.imitation)
         for h, gain in gains.items()
     }
-    likeliest, by_proxy = max(log.values()), set()
+    likeliest, by_proxy = max(log_odds.values()), set()
     for proxy, gain in hypotheses.gains(rest, hypotheses.proxies).items():
         value = gain.value / temperature + float(np.log(proxy.odds))
-        if value > log.get(proxy.hypothesis, -np.inf):
-            log[proxy.hypothesis] = min(value, likeliest)
+        if value > log_odds.get(proxy.hypothesis, -np.inf):
+            log_odds[proxy.hypothesis] = min(value, likeliest)
             by_proxy.add(proxy.hypothesis)
-    against = hypotheses.gains(rest, unnamed(hypotheses, cause))
-    # Several lines can follow any smooth function, so nothing is added for a departure of the cause from its equation.
-    # An effect of exactly time, or exactly session, has no form of its own: another part can move with it as well. Both have
-    # the same functions and differ in the part that moves, so only the square root of the temperature divides the difference.
-    robot = hypotheses.design.operating_points.robot
-    drivers = cause.drivers(robot)
-    clock = drivers if drivers in ({"time"}, {"session"}) else None
-    if clock and cause.site == "frame" and not robot.constraints:  # an arm's base moves as the frame does: one cause
-        against = {s: gain for s, gain in against.items() if (s.site, frozenset(s.over)) != (robot.sites[0], clock)}
+    smooth = _smooth_log_odds(hypotheses, rest, cause, gains[mine].value, log_odds[mine], unlisted)
 
-    def against_smooth(term: SmoothTerm) -> float:
-        return priors.unnamed + (0.0 if hypotheses.modulates(term, (cause,)) else priors.departure * own)
-
-    smooth = {
-        s: log[mine] + (gain.value - gains[mine].value) / sqrt(temperature) - priors.same_clock
-        if frozenset(s.over) == clock
-        else (gain.value - (0.0 if unlisted else against_smooth(s))) / temperature
-        for s, gain in against.items()
-    }
-    top = max([*log.values(), *smooth.values()])  # large numbers would round their sum
-    weight = {term: float(np.exp(value - top)) for term, value in (*log.items(), *smooth.items())}
-    whole = sum(weight[h] for h in log) + max((weight[term] for term in smooth), default=0.0)
-    probability = {h: weight[h] / whole for h in log}
-    every = [ClassMember(found.get(h, h), p, h not in by_proxy) for h, p in probability.items()]
-    named = _ordered(every, cause)
-    shares = ((term, weight[term] / whole) for term in smooth)
-    return Ranking(named, tuple(sorted(shares, key=lambda share: -share[1])), temperature)
+    top = max([*log_odds.values(), *smooth.values()])  # large numbers would round their sum
+    weight = {h: float(np.exp(value - top)) for h, value in log_odds.items()}
+    of_smooth = {term: float(np.exp(value - top)) for term, value in smooth.items()}
+    whole = sum(weight.values()) + max(of_smooth.values(), default=0.0)
+    found = {h: gain.term if isinstance(gain.term, Hypothesis) else h for h, gain in gains.items()} | {mine: cause}
+    named = [ClassMember(found.get(h, h), w / whole, h not in by_proxy) for h, w in weight.items()]
+    shares = sorted(((term, w / whole) for term, w in of_smooth.items()), key=lambda share: -share[1])
+    return Ranking(_ordered(named, cause), tuple(shares), temperature)
 
 
-def _with_lines(
-    hypotheses: HypothesisSet, rest: Posterior[Term], gains: Mapping[Hypothesis, Gain], cause: Hypothesis
+def _gains(
+    hypotheses: HypothesisSet, model: Posterior[Term], rest: Posterior[Term], cause: Hypothesis
 ) -> dict[Hypothesis, Gain]:
-    """Gains, with all their lines, of the other periodic errors at a cause's site whose first line exceeds its prior odds."""
-    found: dict[Hypothesis, Gain] = {}
-    if not hypotheses.long:
-        return found
-    for hypothesis, gain in gains.items():
+    """Gain of each hypothesis in the place of a cause: ``rest`` is the model without it.
+
+    A cause with several lines counts with all of them, and so do the other periodic errors at its site whose first line exceeds
+    its prior odds. If these have lines, all scales are estimated, as for them.
+    """
+    gains, others = hypotheses.gains(rest, hypotheses.named), dict[Hypothesis, Gain]()
+    line = hypotheses.priors.line
+    for hypothesis, gain in gains.items() if hypotheses.long else ():
         if hypothesis.effect.most_values < 2 or hypothesis.site != cause.site or hypothesis == cause.template:
             continue
         if gain.value > hypotheses.cost(hypothesis) and isinstance(gain.term, Hypothesis):
             larger = with_lines(hypotheses, rest, gain.term)
-            term = next(t for t in larger.terms if isinstance(t, Hypothesis) and t.place == hypothesis.place)
-            value = larger.log_evidence - rest.log_evidence - hypotheses.priors.line * len(term.further)
-            found[hypothesis] = Gain(max(value, gain.value), term)
+            term = next(t for t in causes(larger) if t.place == hypothesis.place)
+            value = larger.log_evidence - rest.log_evidence - line * len(term.further)
+            others[hypothesis] = Gain(max(value, gain.value), term)
+    if cause.further or others:
+        gained = model.log_evidence - rest.log_evidence - line * len(cause.further)
+        gains[cause.template] = Gain(max(gains[cause.template].value, gained), cause)
+    return gains | others
+
+
+def _smooth_log_odds(
+    hypotheses: HypothesisSet,
+    rest: Posterior[Term],
+    cause: Hypothesis,
+    gained: float,
+    log_odds: float,
+    unlisted: bool,
+) -> dict[SmoothTerm, float]:
+    """Log odds of each smooth term that competes with a cause, whose gain is ``gained``, nats, and whose log odds are given.
+
+    Several lines can follow any smooth function, so nothing is added for a departure of the cause from its equation. An effect
+    of exactly time, or exactly session, has no form of its own: another part can move with it as well. Both have the same
+    functions and differ in the part that moves, so only the square root of the temperature divides the difference.
+    """
+    priors, robot = hypotheses.priors, hypotheses.design.operating_points.robot
+    temperature, drivers = priors.temperature_of(gained), cause.drivers(robot)
+    clock = drivers if drivers in ({"time"}, {"session"}) else None
+    found = {}
+    for term, gain in hypotheses.gains(rest, unnamed(hypotheses, cause)).items():
+        same_clock = frozenset(term.over) == clock
+        if same_clock and cause.site == "frame" and not robot.constraints and term.site == robot.sites[0]:
+            continue  # an arm's base moves as the frame does: one cause
+        if same_clock:
+            found[term] = log_odds + (gain.value - gained) / sqrt(temperature) - priors.same_clock
+            continue
+        departure = 0.0 if hypotheses.modulates(term, (cause,)) else priors.departure * max(gained, 0.0)
+        found[term] = (gain.value - (0.0 if unlisted else priors.unnamed + departure)) / temperature
     return found
 
 
-def unnamed(hypotheses: HypothesisSet, cause: Term) -> list[SmoothTerm]:
+def unnamed(hypotheses: HypothesisSet, cause: Hypothesis) -> list[SmoothTerm]:
     """Smooth terms that compete with a cause: those that are not only a modulation of it.
 
     For a cause with several lines, which can follow any smooth function: also not those that are only a modulation of another
     effect at the same drive, because that effect competes itself.
     """
-    if not isinstance(cause, Hypothesis):
-        return list(hypotheses.smooth)
     known: tuple[Hypothesis, ...] = (cause,)
     if cause.further:
         known = tuple(h for h in hypotheses.linear if h.site == cause.site)
@@ -166,7 +175,8 @@ def with_two_instead(hypotheses: HypothesisSet, model: Posterior[Term], classes:
 
     Two that could together be in the place of one cause have each half of the probability of both, so that the probabilities
     of a class sum to at most 1. Of two others in the place of two causes, each is added to the class of the cause whose place
-    it takes, with the probability of both: classes in which one cause is exchanged at a time do not show them.
+    it takes, with the probability of both: classes in which one cause is exchanged at a time do not show them. Needed by pairs
+    of causes of the simulator, beside which a third effect was certain without this rule.
     """
     if hypotheses.long:
         return classes

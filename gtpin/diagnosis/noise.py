@@ -201,7 +201,8 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
     """Sigmas that are declared too small: by key, the declared value and the estimated one, m or rad.
 
     The estimate is the smaller of two: from the residuals after a search, and, where there are repeated visits, from their
-    differences. An effect that depends on the pose is in the residuals, but not in these differences.
+    differences. An effect that depends on the pose is in the residuals, but not in these differences. Needed by noise that is
+    declared too small: tests/diagnosis/test_diagnosis_doubts.py.
 
     ``prepared``: the data, and their calibration with the declared noise. ``scope``: the effects that may explain part of the
     residuals.
@@ -499,7 +500,8 @@ def clustered(at: OperatingPoints, outliers: Mask, priors: Priors) -> Mask:
     Gross errors happen anywhere. Where at least half of the commands in an interval of one coordinate are outliers, something
     acts there: a pit of a track, play that a load takes up, a step near a track's end. For each interval that begins and ends
     at an outlier, the chance is that of so many outliers among its commands (binomial distribution, which bounds the
-    hypergeometric one), times the number of such intervals of all coordinates (Bonferroni).
+    hypergeometric one), times the number of such intervals of all coordinates (Bonferroni). Needed by a pit of a track:
+    tests/diagnosis/test_searched_rows.py.
 
     ``outliers``: (N,) rows. Visits of one command count as one: what is wrong there can be wrong at each visit.
     """

@@ -264,7 +264,8 @@ def without_redundant(hypotheses: HypothesisSet, named: Posterior[Term]) -> Post
 
     A testable effect that looks like an effect with a missing covariate explains only a part of it, and a second effect may
     explain the rest. If the first cause may be the effect with the missing covariate, the second has nothing to explain. The
-    same holds if the second may be that effect. The effect with the missing covariate is represented by its proxy.
+    same holds if the second may be that effect. The effect with the missing covariate is represented by its proxy. Needed by
+    machines of the study of missing columns: tests/diagnosis/test_proxies.py.
     """
     strength = {c: named.log_evidence - without(hypotheses.groups, named, c).log_evidence for c in causes(named)}
     for cause in sorted(strength, key=lambda c: -strength[c]):
