@@ -6,7 +6,7 @@ Or, with an earlier model, what has changed since.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import overload
 
 import numpy as np
@@ -47,10 +47,6 @@ from gtpin.diagnosis.result import (
     Gap,
     HealthCheck,
     HoldOut,
-    Question,
-    Source,
-    Undecided,
-    Unexplained,
 )
 from gtpin.diagnosis.search import strongest_first
 from gtpin.diagnosis.trials import Known
@@ -221,6 +217,8 @@ def _diagnose(
         what = "can be tested only by a recorded payload or force on the tool"
         warn(f"the links of {nominal.name} have no masses: effects of load {what}")
     rng, priors = np.random.default_rng(seed), scope.priors
+
+    # 1. Prepare: usable rows and columns, calibrated.
     prepared = prepare(dataset, nominal, report, priors)
     if small := understated_noise(prepared, scope):
         warn_of_noise(small)
@@ -228,82 +226,18 @@ def _diagnose(
     check_hold_out(prepared.dataset, hold_out)  # again: the preparation may have left out the column
     if dataset.drivers:
         scope = replace(scope, effects=(*known, *driver_effects(dataset, nominal, _instrument(prepared))))
+
+    # 2. Propose hypotheses, and settle the noise and which rows are gross errors.
     report("searching for causes", 0, float(np.sqrt(prepared.baseline.chi2_per_dof)))
     settled = settle(prepared, searchable_rows(prepared, priors), scope, rng)
-    inferred = infer(settled)
+    hypotheses, searched, recorded = settled.hypotheses, settled.searched, prepared.recorded
+
+    # 3. Infer which hypotheses are causes, and apply the doubts that need no fit. The checks always leave out neighbours.
+    context = Context(prepared, settled, infer(settled), blocks_of(searched, "region", rng))
     report("fitting causes and geometry together", 0, float("nan"))
-    fitted = fit(prepared, settled, inferred, rng, hold_out)
-    found, hypotheses, recorded = fitted.conclusion, settled.hypotheses, prepared.recorded
-    report("what to measure next", 0, float("nan"))
-    experiments = plan(
-        Known(settled.observed, prepared.baseline.model, settled.references),
-        classes=classes(found, fitted.causes, hypotheses),
-        untestable=hypotheses.untested,
-        unknown=next(((d.site, ",".join(d.over)) for d in found.doubts if d.over), None),
-        unseen_noise=any(d.reason == "excess" for d in found.doubts),
-        rng=rng,
-    )
-    regions = by_region(settled.searched, max(2, min(REGIONS, int(settled.searched.visits.max()) + 1)))
-    aside: Mask = ~np.isin(recorded.row, settled.kept.row)
-    return Diagnosis(
-        verdict=found.verdict,
-        causes=fitted.causes,
-        also=fitted.also,
-        candidates=considered(hypotheses, found, fitted.unexplained.could_be),
-        where=where(hypotheses, found.alone, regions),
-        gap=fitted.gap,
-        noise_source=fitted.noise_source,
-        unexplained=fitted.unexplained,
-        baseline=prepared.baseline,
-        model=fitted.model,
-        set_aside=tuple(dict.fromkeys(str(pose) for pose in recorded.pose[aside])),
-        set_aside_rows=tuple(int(line) for line in recorded.row[aside]),
-        next_experiment=experiments,
-        questions=fitted.questions,
-        effects=scope.effects,
-        doubts=found.doubts,
-        dataset=recorded,
-    )
+    found = judged(context, OF_THE_SEARCH).found
 
-
-def _instrument(prepared: Prepared) -> InstrumentAxes:
-    """The instrument's origin and axes in the base frame."""
-    frame, station = prepared.baseline.model.frame, prepared.recorded.instrument.station
-    origin = np.zeros(3) if station is None else np.array(station)
-    return InstrumentAxes(frame.R.T @ (origin - frame.T), frame.R.T)
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """The final conclusion, with the fitted causes.
-
-    ``conclusion``: the conclusion, with the doubts that the fit and left-out poses raise. ``model``: the geometry and the
-    causes, fitted together. ``causes``: the one that explains most of the gap is the first. ``also``: what is weak and
-    undecided beside them. ``gap``: errors on left-out poses, without and with the causes. ``unexplained``: what the causes do
-    not explain. ``questions``: parameters whose values are not plausible or not usual. ``noise_source``: where the noise floor
-    comes from.
-    """
-
-    conclusion: Conclusion
-    model: Model
-    causes: tuple[Cause, ...]
-    also: tuple[Undecided, ...]
-    gap: Gap
-    unexplained: Unexplained
-    questions: tuple[Question, ...]
-    noise_source: Source
-
-
-def fit(
-    prepared: Prepared, settled: SearchState, found: Conclusion, rng: np.random.Generator, hold_out: HoldOut = "region"
-) -> Fitted:
-    """Fit geometry and causes together, and check the parameters against their plausible ranges and the fit on left-out poses.
-
-    The checks always leave out neighbouring poses; ``hold_out`` says what is left out for the gap that is reported.
-    """
-    hypotheses, searched = settled.hypotheses, settled.searched
-    context = judged(Context(prepared, settled, found, blocks_of(searched, "region", rng)), OF_THE_SEARCH)
-    found, inferred = context.found, floor_of(settled.observed.noise, hypotheses.design)
+    # 4. Fit causes and geometry together with the exact kinematics, and apply the other doubts.
     try:
         model, causes = _fitted(prepared, settled, found)
     except ConvergenceError:  # the causes explain the data to first order only: no closed chain has them at such sizes
@@ -312,46 +246,68 @@ def fit(
         found = found.only(hypotheses, []).doubted(Doubt("held_out"))
         model, causes = _fitted(prepared, settled, found)
     context = replace(context, found=found, causes=causes)
-    asked = questions(found, causes, hypotheses.priors)
+    asked = questions(found, causes, priors)
     found = judged(context, OF_THE_FIT).found
     if found is not context.found:
         model, causes = _fitted(prepared, settled, found)
-    shown = ShownNoise.of(settled.observed, hypotheses, settled.guess, prepared.declared, hypotheses.priors)
-    floor, sessions = shown.floor(hypotheses.design), len(set(searched.covariates.get("session", ("",))))
+    shown = ShownNoise.of(settled.observed, hypotheses, settled.guess, prepared.declared, priors)
+    floor, inferred = shown.floor(hypotheses.design), floor_of(settled.observed.noise, hypotheses.design)
+    sessions = len(set(searched.covariates.get("session", ("",))))
 
     def gaps_by(which: HoldOut) -> tuple[Gap, dict[tuple[str, str], float]]:
         blocks = blocks_of(searched, which, rng)
         whole, takes = gaps(hypotheses, found, floor, blocks, rng, which == "session", inferred)
         return replace(whole, hold_out=which, blocks=len(blocks), sessions=sessions), takes
 
-    checked, takes = gaps_by("region")
+    whole, takes = gaps_by("region")
     before = without_undecided(hypotheses, found)
-    left_out = FittedContext(prepared, settled, before, context.blocks, causes, gap=checked, shown=shown)
+    left_out = FittedContext(prepared, settled, before, context.blocks, causes, gap=whole, shown=shown)
     found = judged(left_out, OF_LEFT_OUT_POSES).found
     sure = found.named_beside_unknown(hypotheses) if found.doubts else found
     if len(sure.classes) < len(found.classes) or found.classes is not before.classes:
         # A cause that is not sure may only take up a part of the unknown.
         found = sure
         model, causes = _fitted(prepared, settled, found)
-        checked, takes = gaps_by("region")
-    whole, takes = (checked, takes) if hold_out == "region" else gaps_by(hold_out)
+        whole, takes = gaps_by("region")
+    if hold_out != "region":
+        whole, takes = gaps_by(hold_out)
+    small_causes = {cause.place for cause in found.also}
     causes = [replace(c, explained_fraction=takes[c.effect, c.site]) for c in causes]
+    causes = sorted((c for c in causes if (c.effect, c.site) not in small_causes), key=lambda c: -c.explained_fraction)
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
-    small = {c.place for c in found.also}
     no_cause = {c.place for c in found.classes} | {(q.effect, q.site) for q in asked if not q.believed}
-    likely = (place for place in found.likely if place not in no_cause)
-    could_be = tuple(dict.fromkeys((*likely, *remaining.could_be)))
-    return Fitted(
-        conclusion=found,
-        model=model,
-        causes=tuple(
-            sorted((c for c in causes if (c.effect, c.site) not in small), key=lambda c: -c.explained_fraction)
-        ),
+    could_be = tuple(dict.fromkeys((*(place for place in found.likely if place not in no_cause), *remaining.could_be)))
+
+    # 5. Plan what to measure next.
+    report("what to measure next", 0, float("nan"))
+    experiments = plan(
+        Known(settled.observed, prepared.baseline.model, settled.references),
+        classes=classes(found, causes, hypotheses),
+        untestable=hypotheses.untested,
+        unknown=next(((d.site, ",".join(d.over)) for d in found.doubts if d.over), None),
+        unseen_noise=any(d.reason == "excess" for d in found.doubts),
+        rng=rng,
+    )
+    regions = by_region(searched, max(2, min(REGIONS, int(searched.visits.max()) + 1)))
+    aside: Mask = ~np.isin(recorded.row, settled.kept.row)
+    return Diagnosis(
+        verdict=found.verdict,
+        causes=tuple(causes),
         also=undecided(hypotheses, found),
+        candidates=considered(hypotheses, found, could_be),
+        where=where(hypotheses, found.alone, regions),
         gap=whole,
-        unexplained=replace(remaining, could_be=could_be, descriptions=found.descriptions),
-        questions=tuple(asked),
         noise_source=shown.source,
+        unexplained=replace(remaining, could_be=could_be, descriptions=found.descriptions),
+        baseline=prepared.baseline,
+        model=model,
+        set_aside=tuple(dict.fromkeys(str(pose) for pose in recorded.pose[aside])),
+        set_aside_rows=tuple(int(line) for line in recorded.row[aside]),
+        next_experiment=experiments,
+        questions=tuple(asked),
+        effects=scope.effects,
+        doubts=found.doubts,
+        dataset=recorded,
     )
 
 
@@ -363,3 +319,10 @@ def _fitted(prepared: Prepared, settled: SearchState, found: Conclusion) -> tupl
     ordered = [strongest_first(settled.hypotheses, found.model, c) for c in named]
     model = fit_together(settled.everything, prepared.baseline.model, ordered, scale, settled.references)
     return model, [cause(model, own, found, c, settled.hypotheses) for c, own in zip(named, ordered, strict=True)]
+
+
+def _instrument(prepared: Prepared) -> InstrumentAxes:
+    """The instrument's origin and axes in the base frame."""
+    frame, station = prepared.baseline.model.frame, prepared.recorded.instrument.station
+    origin = np.zeros(3) if station is None else np.array(station)
+    return InstrumentAxes(frame.R.T @ (origin - frame.T), frame.R.T)

@@ -194,33 +194,34 @@ Reason = Literal[
     "scatter",
     "chi_square",
 ]
-"""Why something unknown is inferred:
+"""Why something unknown is inferred. The rules are in ``doubts.py``; those of the first and the third are in ``verdict.py``,
+and that of the last is in ``against.py``:
 
 ``smooth_term``
-    Smooth nonparametric terms are likelier than the named causes alone (``infer.py``).
+    Smooth nonparametric terms are likelier than the named causes alone.
 ``description``
-    Only a flexible family explains an error (``descriptions.py``).
+    Only a flexible family explains an error.
 ``restless``
-    Errors of an actuator differ from pose to pose by more than repeated visits scatter (``reestimate_noise.py``).
+    Errors of an actuator differ from pose to pose by more than repeated visits scatter.
 ``impossible``
-    A cause would need a parameter that physics does not allow (``questions.py``).
+    A cause would need a parameter that physics does not allow.
 ``held_out``
-    Residuals or errors on left-out poses are larger than the noise that repeated visits show (``fit.py``), or the
-    errors are no smaller with the causes than without (``predictive.py``).
+    Residuals or errors on left-out poses are larger than the noise that repeated visits show, or the
+    errors are no smaller with the causes than without.
 ``part``
-    Residuals of one part of an instrument (a station, a plane, a socket, a component) are larger than the noise (``fit.py``).
+    Residuals of one part of an instrument (a station, a plane, a socket, a component) are larger than the noise.
 ``excess``
-    The residuals are larger than the declared noise, and no visits tell whether the difference repeats (``fit.py``).
+    The residuals are larger than the declared noise, and no visits tell whether the difference repeats.
 ``visits``
-    Visits to the same commands differ by more than the declared noise and the drives' repeatability (``shown_noise.py``).
+    Visits to the same commands differ by more than the declared noise and the drives' repeatability.
 ``two_groups``
-    What looks like noise comes from two groups of rows (``suspicious_data.py``).
+    What looks like noise comes from two groups of rows.
 ``two_valued``
-    What looks like scatter of a drive has two values (``suspicious_data.py``).
+    What looks like scatter of a drive has two values.
 ``scatter``
-    Visits scatter, and columns that could show the reason contradict each other (``suspicious_data.py``).
+    Visits scatter, and columns that could show the reason contradict each other.
 ``chi_square``
-    Poses of a check are farther from the earlier model than noise and its uncertainty allow (``against/check.py``).
+    Poses of a check are farther from the earlier model than noise and its uncertainty allow.
 """
 
 

@@ -209,7 +209,10 @@ def _unknown(hypotheses: HypothesisSet, mixed: Posterior[Term], named: Posterior
 
 
 def _replacing(hypotheses: HypothesisSet, named: Posterior[Term]) -> tuple[SmoothTerm, ...]:
-    """Smooth terms that are more probable than a cause and its whole class."""
+    """Smooth terms that are more probable than a cause and its whole class.
+
+    Without it, one of 54 frozen cases has a cause of 0.6 beside the unknown; with it, none.
+    """
     found = []
     for cause in causes(named):
         if hypotheses.smooth and sum(m.probability for m in class_of(hypotheses, named, cause)) < 0.5:
