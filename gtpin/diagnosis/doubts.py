@@ -14,8 +14,6 @@ from math import exp
 from typing import TypeVar
 
 import numpy as np
-from scipy.optimize import minimize_scalar
-from scipy.special import logsumexp
 
 from gtpin.data.duplicates import command_steps
 from gtpin.diagnosis.classes import ClassMember, _ordered, _own_probability, class_of, unnamed
@@ -32,7 +30,6 @@ from gtpin.diagnosis.verdict import Conclusion, infer, size, weak
 from gtpin.errors import warn
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.noise.estimate import LEAST_CONTRASTS
-from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats, Mask
 
 
@@ -288,100 +285,6 @@ def _left_by(F: Floats, y: Floats, group: Mask) -> tuple[Floats, Floats]:
     return y - F @ motion, motion
 
 
-HALF_DISTANCES = np.linspace(0.3, 2.0, 18)
-"""Half distances of the two values that are tried, in units of the errors' standard deviation."""
-SCATTERS = np.linspace(0.0, 1.0, 9)
-"""Standard deviations about each value, beyond the instrument's noise, that are tried, in the same units."""
-SINGULAR = 1e12
-"""Condition number above which the errors of the drives can't be distinguished."""
-LARGER_SHARES = (0.3, 0.5, 0.7)
-"""Shares of the rows with the larger value, that are tried."""
-
-
-def drive_with_two_values(context: Context) -> Conclusion | None:
-    """``two_valued``: the errors of a drive have two values, as by backlash whose direction of approach is not known.
-
-    The causes of this drive are not named, unless they explain most of these errors: then there is no doubt. Only the
-    instrument's part of the noise is used.
-    """
-    hypotheses, found, noise = context.hypotheses, context.found, context.settled.observed.noise
-    if found.doubts or not context.of_poses:
-        return None
-    whole = drive_errors(hypotheses, found.model, noise)
-    if whole is None:
-        return None
-    priors, sites = hypotheses.priors, hypotheses.design.operating_points.robot.sites
-    least = max(priors.surely, priors.two_valued * len(whole.errors))
-    for drive, site in enumerate(sites):
-        others = hypotheses.only(found.model, [cause for cause in found.classes if cause.site != site])
-        alone = drive_errors(hypotheses, others, noise)
-        if alone is None or two_values(alone.errors[:, drive], alone.variance[:, drive]) < least:
-            continue
-        if whole.excess[drive] > priors.two_valued_left * alone.excess[drive]:
-            kept = found.only(hypotheses, [cause for cause in found.beside_unknown() if cause.site != site])
-            return kept.doubted(Doubt("two_valued", site, (f"approach{drive + 1}",)))
-    return None
-
-
-@dataclass(frozen=True)
-class DriveErrors:
-    """(N, n) errors of the drives, m or rad, and their variances by the instrument's noise alone."""
-
-    errors: Floats
-    variance: Floats
-
-    @property
-    def excess(self) -> Floats:
-        """(n,) mean square of the errors beyond the instrument's noise; poses are weighted by how well they show the drive."""
-        weight = self.variance**-2.0
-        return np.asarray((weight * (self.errors**2 - self.variance)).sum(axis=0) / weight.sum(axis=0))
-
-
-def drive_errors(hypotheses: HypothesisSet, model: Posterior[Term], noise: ReadingNoise) -> DriveErrors | None:
-    """Errors along each drive that remain after the geometry and a model were fitted.
-
-    None where a pose has too few measured components to determine the errors of all drives.
-    """
-    design = hypotheses.design
-    c = design.components
-    J = design.by_command_seen
-    if J.shape[2] > c:
-        return None
-    residual = design.coloured(left_over(hypotheses, model)[0])
-    instrument = replace(noise, repeatability=0.0, model_discrepancy=0.0).covariance(J, c)
-    seen = np.linalg.solve(instrument, J)
-    information = np.swapaxes(J, 1, 2) @ seen
-    if np.linalg.cond(information).max() > SINGULAR:
-        return None
-    covariance = np.linalg.inv(information)
-    errors = np.einsum("nij,ncj,nc->ni", covariance, seen, residual)
-    return DriveErrors(errors, np.diagonal(covariance, axis1=1, axis2=2))
-
-
-def two_values(errors: Floats, variance: Floats) -> float:
-    """Gain in log likelihood by two values instead of one, for errors (N,) with known variances (N,) and unknown scatter."""
-    mean = np.average(errors, weights=1.0 / variance)
-    spread = max(float(np.sqrt(np.average((errors - mean) ** 2, weights=1.0 / variance))), 1e-300)
-    e, v = (errors - mean) / spread, variance / spread**2
-
-    def one(rest: float) -> float:
-        total = v + rest**2
-        return float(0.5 * (np.log(total) + e**2 / total).sum())
-
-    single = -float(minimize_scalar(one, bounds=(0.0, 2.0), method="bounded").fun)
-    total = v + SCATTERS[:, None] ** 2  # (r, N)
-    best = -np.inf
-    for share in LARGER_SHARES:
-        # Two values with the mean 0.
-        places = [2.0 * (1.0 - share) * HALF_DISTANCES, -2.0 * share * HALF_DISTANCES]
-        logs = [
-            np.log(part) - 0.5 * (np.log(total) + (e - place[:, None, None]) ** 2 / total)
-            for part, place in zip((share, 1.0 - share), places, strict=True)
-        ]
-        best = max(best, float(logsumexp(logs, axis=0).sum(axis=2).max()))
-    return best - single
-
-
 def worse_predictions(context: Context) -> Conclusion | None:
     """``held_out``: all causes together do not make the errors of left-out poses smaller; none is named.
 
@@ -512,7 +415,7 @@ def _scatter(context: Context) -> float:
     return float(np.median(noise.repeatability * moved / noise.each))
 
 
-OF_THE_SEARCH = (flexible_families, rounded_commands, rows_in_two_groups, drive_with_two_values, worse_predictions)
+OF_THE_SEARCH = (flexible_families, rounded_commands, rows_in_two_groups, worse_predictions)
 """Rules that need nothing but the search."""
 OF_THE_FIT = (impossible_parameters,)
 """Rules that need the causes' parameters, fitted together with the geometry."""

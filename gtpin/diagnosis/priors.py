@@ -159,13 +159,6 @@ class Priors:
     two_groups: float = 5.0
     """Ratio of the power of the residual with one instrument frame to that with two, from which the rows are taken for two
     measurements. Derived for the worst noise: 1 / (1 - 2/pi) = 2.75; assumed beyond that."""
-    two_valued: float = 0.05
-    """Gain in log likelihood per pose of a model in which a drive's error has two values, over a model with one value. From it
-    on, the errors are not attributed to scatter; the whole gain must be 10 nats at least. Derived: two values three standard
-    deviations apart give 0.08, a uniform distribution 0.1. Assumed beyond that."""
-    two_valued_left: float = 0.5
-    """Share of a drive's errors beyond the instrument's noise that may remain after its causes. If more remains, two values are
-    a doubt. Assumed."""
     least_group: float = 0.1
     """Smallest share of the rows in the smaller of the two groups. Assumed."""
     implausible: float = 3.0

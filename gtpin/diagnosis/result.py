@@ -190,7 +190,6 @@ Reason = Literal[
     "excess",
     "visits",
     "two_groups",
-    "two_valued",
     "scatter",
     "chi_square",
 ]
@@ -216,8 +215,6 @@ and that of the last is in ``against.py``:
     Visits to the same commands differ by more than the declared noise and the drives' repeatability.
 ``two_groups``
     What looks like noise comes from two groups of rows.
-``two_valued``
-    What looks like scatter of a drive has two values.
 ``scatter``
     Visits scatter, and columns that could show the reason contradict each other.
 ``chi_square``

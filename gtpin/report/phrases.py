@@ -58,10 +58,6 @@ DOUBTS = {
         "Visits to the same commands differ otherwise than the declared noise and the drives' repeatability allow: something "
         "changes between them."
     ),
-    "two_valued": (
-        "The errors of {site} take two values, as play does whose direction of approach is not known: check {columns}, which "
-        "may belong to other rows."
-    ),
     "scatter": "Visits scatter by more than the instrument, and the columns that would tell why contradict each other.",
     "chi_square": "Poses are farther from the earlier model than noise and its uncertainty allow, and no change explains them.",
 }
