@@ -18,13 +18,13 @@ from gtpin.bench.benchmark.answer import Answer, AnsweredCause, OtherEffect
 from gtpin.data import Commands, Dataset
 from gtpin.data.files import read_table
 from gtpin.data.names import ORIENTATION
+from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis.evidence import NOTHING
+from gtpin.diagnosis.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.prepare import Prepared, prepare
+from gtpin.diagnosis.propose import propose
+from gtpin.diagnosis.search import HypothesisSet
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import catalogue
 from gtpin.instruments.predicted import predicted_readings

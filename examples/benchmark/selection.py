@@ -10,7 +10,7 @@ import numpy.typing as npt
 from problem import Problem, answered, cause, without_geometry
 
 from gtpin.bench.benchmark.answer import Answer
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypothesis import Hypothesis
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int_]

@@ -21,16 +21,15 @@ import numpy as np
 from gtpin.bench.blind.judged import Named, Statement
 from gtpin.bench.blind.truth import Truth
 from gtpin.data import Dataset
+from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference.settle import readmit_outliers, settle
-from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.evidence import Groups
-from gtpin.diagnosis.linear.posterior import NOTHING, Posterior, all_gains, tuned
-from gtpin.diagnosis.linear.scan import Scan
+from gtpin.diagnosis.evidence import NOTHING, Groups, Posterior, all_gains, tuned
+from gtpin.diagnosis.hypothesis import Hypothesis, Scope
+from gtpin.diagnosis.noise import searchable_rows, settle
 from gtpin.diagnosis.prepare import prepare
+from gtpin.diagnosis.propose import propose
+from gtpin.diagnosis.scan import Scan
+from gtpin.diagnosis.search import HypothesisSet
 from gtpin.effects.catalogue import catalogue, effects_by_id
 from gtpin.effects.displacement import Displacement
 from gtpin.model.measured_robot import measuring, robot_of
@@ -156,7 +155,7 @@ class Limit:
         robot = measuring(robot_of(dataset), dataset)
         scope = Scope.of(catalogue(), (), FALSE_ALARM, robot)
         prepared = prepare(dataset, robot)
-        admitted = readmit_outliers(prepared, scope.priors)
+        admitted = searchable_rows(prepared, scope.priors)
         noise = settle(prepared, admitted, scope, np.random.default_rng(0)).observed.noise
         everything = Observed.of(prepared.dataset, prepared.baseline)
         everything = replace(everything, noise=everything.noise.sized_as(noise))

@@ -16,13 +16,12 @@ import pandas as pd
 
 import gtpin
 from gtpin.bench.blind.draw import drafts, made
-from gtpin.diagnosis.hypotheses.hypothesis import Scope
-from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference.findings import Conclusion
-from gtpin.diagnosis.inference.infer import infer
-from gtpin.diagnosis.inference.settle import SearchState, readmit_outliers, settle
+from gtpin.diagnosis.hypothesis import Scope
+from gtpin.diagnosis.noise import SearchState, searchable_rows, settle
 from gtpin.diagnosis.prepare import prepare
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.propose import propose
+from gtpin.diagnosis.verdict import Conclusion, infer
 from gtpin.errors import GtpinError
 from gtpin.robot.library import load_robot
 
@@ -76,7 +75,7 @@ def _settled(case: int) -> tuple[SearchState, Scope, dict[tuple[str, str], float
         warnings.simplefilter("ignore", gtpin.GtpinWarning)
         try:
             prepared = prepare(drawn.dataset, robot)
-            rows = readmit_outliers(prepared, scope.priors)
+            rows = searchable_rows(prepared, scope.priors)
             settled = settle(prepared, rows, scope, np.random.default_rng(0))
         except GtpinError:
             return None

@@ -14,7 +14,7 @@ from scipy.linalg import cho_factor, cho_solve
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.recipe import SimulatedConditions
-from gtpin.diagnosis.linear.evidence import best_scales
+from gtpin.diagnosis.evidence import best_scales
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.operating_points import OperatingPoints
 

@@ -21,12 +21,10 @@ from scipy.stats import beta
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
 from gtpin.bench.simulator.recipe import SimulatedNoise
-from gtpin.diagnosis.against.alarm import DRAWS, chance, threshold
-from gtpin.diagnosis.against.check import changes
-from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.expectation import usable
+from gtpin.diagnosis.against import ALARM_DRAWS, chance, changes, threshold
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses.hypothesis import Scope
+from gtpin.diagnosis.earlier import Earlier, usable
+from gtpin.diagnosis.hypothesis import Scope
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue
 
@@ -87,9 +85,9 @@ def alarms_of(model: gtpin.Model, datasets: Sequence[gtpin.Dataset]) -> list[boo
         data = usable(dataset, model)
         sampler, _ = changes(earlier, data.observed, scope)
         if level is None:
-            level = threshold(sampler, PRIORS.named_alarms * FALSE_ALARM, DRAWS, np.random.default_rng(0))
+            level = threshold(sampler, PRIORS.named_alarms * FALSE_ALARM, ALARM_DRAWS, np.random.default_rng(0))
         power = sampler.hypotheses.groups.power
-        by_chance = chance(sampler, power, DRAWS, np.random.default_rng(1))
+        by_chance = chance(sampler, power, ALARM_DRAWS, np.random.default_rng(1))
         left = by_chance < (1.0 - PRIORS.named_alarms) * FALSE_ALARM
         alarms.append(bool(left or sampler.largest(sampler.hypotheses.design.y[:, None])[0] >= level))
     return alarms

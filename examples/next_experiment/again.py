@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gtpin.bench.simulator import Case, measure_at
 from gtpin.data import Commands, Dataset
 from gtpin.data.table import Column
-from gtpin.diagnosis.planning.measurement_conditions import INTERVAL, LATER, NIGHT
+from gtpin.diagnosis.trials import INTERVAL, LATER, NIGHT
 
 Floats = npt.NDArray[np.float64]
 

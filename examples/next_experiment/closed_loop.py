@@ -23,13 +23,11 @@ from gtpin.bench.blind.figures import rate
 from gtpin.bench.simulator import Case, make_case
 from gtpin.data import Commands
 from gtpin.data.table import Column
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference.findings import Cause
-from gtpin.diagnosis.planning.discrimination import chosen, concerns
-from gtpin.diagnosis.planning.expected_bayes_factor import PROMISED
-from gtpin.diagnosis.planning.experiment import Experiment
-from gtpin.diagnosis.planning.trials import possible
+from gtpin.diagnosis.discrimination import PROMISED, chosen, concerns
+from gtpin.diagnosis.hypothesis import Hypothesis
 from gtpin.diagnosis.priors import SURE
+from gtpin.diagnosis.result import Cause, Experiment
+from gtpin.diagnosis.trials import possible
 from gtpin.effects.catalogue import effects_by_id
 
 EFFECTS = {

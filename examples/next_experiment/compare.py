@@ -16,13 +16,12 @@ import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.calibration.noise_estimator import noise_at
 from gtpin.data import Dataset
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.evidence import Groups, Marginal
-from gtpin.diagnosis.linear.posterior import NOTHING, gain
-from gtpin.diagnosis.planning.discrimination import CauseClass, chosen, concerns, discriminate
-from gtpin.diagnosis.planning.trials import Known, possible
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.discrimination import CauseClass, chosen, concerns, discriminate
+from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, gain
+from gtpin.diagnosis.hypothesis import Hypothesis
 from gtpin.diagnosis.priors import PRIORS, SURE
+from gtpin.diagnosis.trials import Known, possible
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.instruments.readings import Readings
 

@@ -24,7 +24,7 @@ from gtpin.commands.terminal import (
 )
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
-from gtpin.diagnosis.linear.cross_validation import HoldOut
+from gtpin.diagnosis.result import HoldOut
 from gtpin.errors import GtpinError
 from gtpin.extensions import extension
 from gtpin.model.model_folder import read_model

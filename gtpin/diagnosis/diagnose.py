@@ -14,24 +14,47 @@ import numpy as np
 from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset, by_region
-from gtpin.diagnosis.against.check import check
-from gtpin.diagnosis.hypotheses.hypothesis import Scope
-from gtpin.diagnosis.inference.findings import considered
-from gtpin.diagnosis.inference.fit import fit
-from gtpin.diagnosis.inference.infer import infer
-from gtpin.diagnosis.inference.settle import MOST_POSES, readmit_outliers, settle
-from gtpin.diagnosis.inference.shown_noise import understated_noise, warn_of_noise
-from gtpin.diagnosis.inference.where import where
-from gtpin.diagnosis.linear.cross_validation import HoldOut, check_hold_out
-from gtpin.diagnosis.planning.next_experiment import classes, plan
-from gtpin.diagnosis.planning.trials import Known
+from gtpin.diagnosis.against import check
+from gtpin.diagnosis.doubts import (
+    OF_LEFT_OUT_POSES,
+    OF_THE_FIT,
+    OF_THE_SEARCH,
+    Context,
+    FittedContext,
+    judged,
+    questions,
+)
+from gtpin.diagnosis.gap import blocks_of, check_hold_out, gaps, unexplained, where
+from gtpin.diagnosis.hypothesis import Hypothesis, Scope
+from gtpin.diagnosis.joint_fit import cause, fit_together
+from gtpin.diagnosis.next_experiment import classes, plan
+from gtpin.diagnosis.noise import (
+    MOST_POSES,
+    SearchState,
+    ShownNoise,
+    floor_of,
+    searchable_rows,
+    settle,
+    understated_noise,
+    warn_of_noise,
+)
 from gtpin.diagnosis.prepare import Prepared, prepare
 from gtpin.diagnosis.priors import PRIORS, Priors
-from gtpin.diagnosis.result import Diagnosis, HealthCheck
+from gtpin.diagnosis.result import (
+    Cause,
+    Diagnosis,
+    Doubt,
+    Gap,
+    HealthCheck,
+    HoldOut,
+)
+from gtpin.diagnosis.search import strongest_first
+from gtpin.diagnosis.trials import Known
+from gtpin.diagnosis.verdict import Conclusion, considered, infer, undecided, without_undecided
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.driver import InstrumentAxes, driver_effects
 from gtpin.effects.effect import Effect
-from gtpin.errors import ModelError, check_kind, noted, warn
+from gtpin.errors import ConvergenceError, ModelError, check_kind, noted, warn
 from gtpin.memory import require
 from gtpin.model.measured_robot import check_same_robot, measuring, robot_of
 from gtpin.model.model import Model
@@ -199,6 +222,8 @@ def _diagnose(
         what = "can be tested only by a recorded payload or force on the tool"
         warn(f"the links of {nominal.name} have no masses: effects of load {what}")
     rng, priors = generator(seed), scope.priors
+
+    # 1. Prepare: usable rows and columns, calibrated.
     prepared = prepare(dataset, nominal, report, priors)
     if small := understated_noise(prepared, scope):
         warn_of_noise(small)
@@ -206,42 +231,99 @@ def _diagnose(
     check_hold_out(prepared.dataset, hold_out)  # again: the preparation may have left out the column
     if dataset.drivers:
         scope = replace(scope, effects=(*known, *driver_effects(dataset, nominal, _instrument(prepared))))
+
+    # 2. Propose hypotheses, and settle the noise and which rows are gross errors.
     report("searching for causes", 0, float(np.sqrt(prepared.baseline.chi2_per_dof)))
-    settled = settle(prepared, readmit_outliers(prepared, priors), scope, rng)
-    inferred = infer(settled)
+    settled = settle(prepared, searchable_rows(prepared, priors), scope, rng)
+    hypotheses, searched, recorded = settled.hypotheses, settled.searched, prepared.recorded
+
+    # 3. Infer which hypotheses are causes, and apply the doubts that need no fit. The checks always leave out neighbours.
+    context = Context(prepared, settled, infer(settled), blocks_of(searched, "region", rng))
     report("fitting causes and geometry together", 0, float("nan"))
-    fitted = fit(prepared, settled, inferred, rng, hold_out)
-    found, hypotheses, recorded = fitted.conclusion, settled.hypotheses, prepared.recorded
+    found = judged(context, OF_THE_SEARCH).found
+
+    # 4. Fit causes and geometry together with the exact kinematics, and apply the other doubts.
+    try:
+        model, causes = _fitted(prepared, settled, found)
+    except ConvergenceError:  # the causes explain the data to first order only: no closed chain has them at such sizes
+        if not found.classes:
+            raise
+        found = found.only(hypotheses, []).doubted(Doubt("held_out"))
+        model, causes = _fitted(prepared, settled, found)
+    context = replace(context, found=found, causes=causes)
+    asked = questions(found, causes, priors)
+    found = judged(context, OF_THE_FIT).found
+    if found is not context.found:
+        model, causes = _fitted(prepared, settled, found)
+    shown = ShownNoise.of(settled.observed, hypotheses, settled.guess, prepared.declared, priors)
+    floor, inferred = shown.floor(hypotheses.design), floor_of(settled.observed.noise, hypotheses.design)
+    sessions = len(set(searched.covariates.get("session", ("",))))
+
+    def gaps_by(which: HoldOut) -> tuple[Gap, dict[tuple[str, str], float]]:
+        blocks = blocks_of(searched, which, rng)
+        whole, takes = gaps(hypotheses, found, floor, blocks, rng, which == "session", inferred)
+        return replace(whole, hold_out=which, blocks=len(blocks), sessions=sessions), takes
+
+    whole, takes = gaps_by("region")
+    before = without_undecided(hypotheses, found)
+    left_out = FittedContext(prepared, settled, before, context.blocks, causes, gap=whole, shown=shown)
+    found = judged(left_out, OF_LEFT_OUT_POSES).found
+    sure = found.named_beside_unknown(hypotheses) if found.doubts else found
+    if len(sure.classes) < len(found.classes) or found.classes is not before.classes:
+        # A cause that is not sure may only take up a part of the unknown.
+        found = sure
+        model, causes = _fitted(prepared, settled, found)
+        whole, takes = gaps_by("region")
+    if hold_out != "region":
+        whole, takes = gaps_by(hold_out)
+    small_causes = {cause.place for cause in found.also}
+    causes = [replace(c, explained_fraction=takes[c.effect, c.site]) for c in causes]
+    causes = sorted((c for c in causes if (c.effect, c.site) not in small_causes), key=lambda c: -c.explained_fraction)
+    remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
+    no_cause = {c.place for c in found.classes} | {(q.effect, q.site) for q in asked if not q.believed}
+    could_be = tuple(dict.fromkeys((*(place for place in found.likely if place not in no_cause), *remaining.could_be)))
+
+    # 5. Plan what to measure next.
     report("what to measure next", 0, float("nan"))
     experiments = plan(
         Known(settled.observed, prepared.baseline.model, settled.references),
-        classes=classes(found, fitted.causes, hypotheses),
+        classes=classes(found, causes, hypotheses),
         untestable=hypotheses.untested,
         unknown=next(((d.site, ",".join(d.over)) for d in found.doubts if d.over), None),
         unseen_noise=any(d.reason == "excess" for d in found.doubts),
         rng=rng,
     )
-    regions = by_region(settled.searched, max(2, min(REGIONS, int(settled.searched.visits.max()) + 1)))
+    regions = by_region(searched, max(2, min(REGIONS, int(searched.visits.max()) + 1)))
     aside: Mask = ~np.isin(recorded.row, settled.kept.row)
     return Diagnosis(
         verdict=found.verdict,
-        causes=fitted.causes,
-        also=fitted.also,
-        candidates=considered(hypotheses, found, fitted.unexplained.could_be),
+        causes=tuple(causes),
+        also=undecided(hypotheses, found),
+        candidates=considered(hypotheses, found, could_be),
         where=where(hypotheses, found.alone, regions),
-        gap=fitted.gap,
-        noise_source=fitted.noise_source,
-        unexplained=fitted.unexplained,
+        gap=whole,
+        noise_source=shown.source,
+        unexplained=replace(remaining, could_be=could_be, descriptions=found.descriptions),
         baseline=prepared.baseline,
-        model=fitted.model,
+        model=model,
         set_aside=tuple(dict.fromkeys(str(pose) for pose in recorded.pose[aside])),
         set_aside_rows=tuple(int(line) for line in recorded.row[aside]),
         next_experiment=experiments,
-        questions=fitted.questions,
+        questions=tuple(asked),
         effects=scope.effects,
         doubts=found.doubts,
         dataset=recorded,
     )
+
+
+def _fitted(prepared: Prepared, settled: SearchState, found: Conclusion) -> tuple[Model, list[Cause]]:
+    """The model fitted with the causes, and the causes with their parameters."""
+    named: Sequence[Hypothesis] = list(found.classes)
+    # Not `cause` as the variable: in Python 3.12.1 the function `cause` would then be unbound below.
+    scale = [found.scale[hypothesis] for hypothesis in named]
+    ordered = [strongest_first(settled.hypotheses, found.model, c) for c in named]
+    model = fit_together(settled.everything, prepared.baseline.model, ordered, scale, settled.references)
+    return model, [cause(model, own, found, c, settled.hypotheses) for c, own in zip(named, ordered, strict=True)]
 
 
 def _instrument(prepared: Prepared) -> InstrumentAxes:

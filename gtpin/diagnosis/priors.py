@@ -13,7 +13,7 @@ from dataclasses import dataclass
 SURE = 0.95
 """Probability from which a cause is reported as sure. It is fixed, because it defines the verdicts."""
 UNDECIDED = 0.5
-"""Probability of a class's leader below which a weak cause is told apart from the causes. It is fixed for the same reason."""
+"""Probability of a class's leader below which a weak cause is listed apart from the causes. It is fixed for the same reason."""
 CLASS_SHARE = 0.05
 """Share of the leader's probability from which a hypothesis belongs to its class. It is fixed for the same reason."""
 
@@ -30,7 +30,7 @@ class Priors:
     """Smallest root mean square of the core's coefficients, in units of sigma, over the scale s. Below it, the scale s is not
     admitted, because it serves the modulation alone. Assumed."""
 
-    # Prior odds of explanations: natural logarithms, in nats, against them.
+    # Prior odds of terms: natural logarithms, in nats, against them.
     unnamed: float = 5.0
     """Log prior odds against a smooth term, in addition to those of a named effect: the catalogue lists the common effects.
     Assumed, odds of 1 to 150."""
@@ -58,7 +58,7 @@ class Priors:
     """Most that these shares take off the logarithm of a hypothesis's odds to a cause in its class. Derived: just below -ln of
     ``CLASS_SHARE``, 3.0; what explains as much as the cause is in its class though it could also imitate another one."""
     departure: float = 0.025
-    """Share of the evidence of the smooth terms by which the worth (log evidence less log prior odds) of a model with them must
+    """Share of the evidence of the smooth terms by which the log posterior of a model with them must
     be larger than that of a model with named causes. Measured: docs/statistics.md."""
     modulation: float = 0.06
     """The same share, where the smooth terms could be the modulation of a named cause. Measured: docs/statistics.md."""
@@ -115,12 +115,12 @@ class Priors:
     disbelieved: float = 10.8
     """Twice the loss in log likelihood, relative to the best repeatability, from which a repeatability is rejected. Derived:
     chi-square with one degree of freedom at a chance of 1 in 1,000."""
-    restless: float = 6.0
+    drive_excess: float = 6.0
     """Standard deviations by which the scatter of an actuator must exceed the noise before it is not attributed to noise.
     Assumed."""
     weak: float = 0.1
-    """Share of the chi-square beyond noise below which an undecided cause is told apart from the causes, and a flexible family
-    without a mechanism's form makes no doubt. Assumed."""
+    """Share of the chi-square beyond noise below which an undecided cause is listed apart from the causes, and a flexible
+    family without a mechanism's form makes no doubt. Assumed."""
     core_leaves: float = 0.15
     """Largest share that may remain beside named causes: of the gap (squared errors of left-out positions beyond noise), or of
     all that was measured (chi-square beyond noise); and of the explained energy, because real causes differ from the equations
@@ -132,10 +132,10 @@ class Priors:
     absurd: float = 15.0
     """Residual, in standard deviations of most poses (robust scale), beyond which a pose is an outlier even with heavy-tailed
     noise. Assumed."""
-    readmitted: int = 3
-    """Smallest number of outliers that can stand together. Assumed: one or two can by chance."""
-    together: float = 1e-3
-    """Probability that so many gross errors stand together by chance, below which they are readmitted. Assumed: with four
+    least_cluster: int = 3
+    """Smallest number of outliers in a cluster. Assumed: one or two can by chance."""
+    cluster_chance: float = 1e-3
+    """Probability that so many gross errors are in one interval by chance, below which they are used. Assumed: with four
     outliers in a hundred poses, four in an interval without another pose."""
     misfit: float = 1.8
     """Chi-square per degree of freedom below which the declared noise is accepted without a further check. Assumed: it only
@@ -159,13 +159,6 @@ class Priors:
     two_groups: float = 5.0
     """Ratio of the power of the residual with one instrument frame to that with two, from which the rows are taken for two
     measurements. Derived for the worst noise: 1 / (1 - 2/pi) = 2.75; assumed beyond that."""
-    two_valued: float = 0.05
-    """Gain in log likelihood per pose of a model in which a drive's error has two values, over a model with one value. From it
-    on, the errors are not attributed to scatter; the whole gain must be 10 nats at least. Derived: two values three standard
-    deviations apart give 0.08, a uniform distribution 0.1. Assumed beyond that."""
-    two_valued_left: float = 0.5
-    """Share of a drive's errors beyond the instrument's noise that may remain after its causes. If more remains, two values are
-    a doubt. Assumed."""
     least_group: float = 0.1
     """Smallest share of the rows in the smaller of the two groups. Assumed."""
     implausible: float = 3.0
@@ -223,8 +216,8 @@ class Priors:
     gross_share: float = 0.2
     """Largest share of a check's poses that are set aside. Assumed: with more, the measurement has to be repeated."""
 
-    def heat(self, evidence: float) -> float:
-        """The temperature by which gains in log evidence are divided, for an explanation that gains ``evidence``, nats."""
+    def temperature_of(self, evidence: float) -> float:
+        """The temperature by which gains in log evidence are divided, for a term that gains ``evidence``, nats."""
         return self.temperature + self.warming * max(evidence, 0.0)
 
 

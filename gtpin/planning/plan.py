@@ -10,15 +10,13 @@ import numpy as np
 
 from gtpin.accuracy.planning import plan_poses
 from gtpin.data import Commands
-from gtpin.diagnosis.against.alarm import DRAWS, GainSampler, smallest_changes, threshold
-from gtpin.diagnosis.against.check import POWER, changes
-from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.expectation import FEWEST, noise_of_fit
+from gtpin.diagnosis.against import ALARM_DRAWS, POWER, GainSampler, changes, smallest_changes, threshold
+from gtpin.diagnosis.design import Design, Observed
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
-from gtpin.diagnosis.inference.findings import Smallest
-from gtpin.diagnosis.linear.design import Design, Observed
+from gtpin.diagnosis.earlier import FEWEST_POSES, Earlier, noise_of_fit
+from gtpin.diagnosis.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.result import Smallest
 from gtpin.effects.catalogue import catalogue
 from gtpin.errors import ModelError, check_kind
 from gtpin.instruments.readings import Readings
@@ -187,8 +185,8 @@ def plan(
     where: Place = frame or ("robot" if model.frame.is_base else "free")
     rng, free = generator(seed), where == "free"
     some = candidates(model, q, rng, moving=purpose == "discrimination", seed=seed)
-    if not FEWEST <= poses <= len(some):
-        hint = f"ask for {FEWEST} at least, and no more than there are candidates"
+    if not FEWEST_POSES <= poses <= len(some):
+        hint = f"ask for {FEWEST_POSES} at least, and no more than there are candidates"
         raise ModelError(f"{poses} poses out of {len(some)}", hint=hint)
     if purpose == "calibration":
         best = plan_poses(
@@ -225,7 +223,7 @@ def plan(
         told = tuple(_told(hypotheses.design, choice, wanted, rows, random))
         return PosePlan(purpose, commands, model, noise, where, told=told)
     sampler = possible(some.take(rows))
-    level = threshold(sampler, PRIORS.named_alarms * false_alarm, DRAWS, rng)
+    level = threshold(sampler, PRIORS.named_alarms * false_alarm, ALARM_DRAWS, rng)
     smallest = smallest_changes(sampler, level, POWER, rng)
     return PosePlan(purpose, commands, model, noise, where, smallest, false_alarm, POWER, level)
 

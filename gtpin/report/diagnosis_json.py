@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from gtpin.diagnosis.inference.findings import Cause, Member
-from gtpin.diagnosis.linear.cross_validation import ASKED, TOGETHER, Gap
-from gtpin.diagnosis.result import Diagnosis, HealthCheck
+from gtpin.diagnosis.gap import BLOCK_POSES, PREDICTED_POSES
+from gtpin.diagnosis.result import Cause, Diagnosis, Gap, HealthCheck, Member
 from gtpin.effects.sites import joints
 from gtpin.model.departures import departures
 from gtpin.report.phrases import reason_words
@@ -100,13 +99,13 @@ def _errors(gap: Gap) -> dict[str, Any]:
 def gap_method(gap: Gap) -> str:
     """How the gap on left-out poses was computed, in words."""
     left_out = {
-        "region": f"{number_word(TOGETHER)} neighbouring poses",
+        "region": f"{number_word(BLOCK_POSES)} neighbouring poses",
         "session": f"each of {gap.blocks} sessions",
         "time": f"each of {gap.blocks} stretches of time",
-        "random": f"{number_word(TOGETHER)} poses drawn at random",
+        "random": f"{number_word(BLOCK_POSES)} poses drawn at random",
     }
     fitted = "by the uncertainty of what was fitted"
-    other = f"what {ASKED} other poses may show, {fitted}"
+    other = f"what {PREDICTED_POSES} other poses may show, {fitted}"
     if gap.hold_out == "session":
         other = f"what another session may show, {fitted} and how much the {gap.blocks} differ"
     if gap.sessions < 2:

@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 from rich.console import Group, RenderableType
 
-from gtpin.diagnosis.inference.findings import Cause, Considered, Member, Smallest
-from gtpin.diagnosis.result import HealthCheck
+from gtpin.diagnosis.result import Cause, Considered, HealthCheck, Member, Smallest
 from gtpin.output.shown import Presentation
 from gtpin.report.diagnosis import DIAGNOSIS, write_findings
 from gtpin.report.diagnosis_json import diagnosis_json

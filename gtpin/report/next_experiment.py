@@ -10,10 +10,9 @@ import numpy as np
 
 from gtpin.data import Commands
 from gtpin.data.ids import normal_ids
-from gtpin.diagnosis.planning.expected_bayes_factor import MOST_ROUNDS
-from gtpin.diagnosis.planning.experiment import Experiment, Lacking, Visits
-from gtpin.diagnosis.planning.measurement_conditions import as_usual, kind, with_nights
-from gtpin.diagnosis.result import Diagnosis, HealthCheck
+from gtpin.diagnosis.discrimination import MOST_ROUNDS
+from gtpin.diagnosis.result import Diagnosis, Experiment, HealthCheck, Lacking, Visits
+from gtpin.diagnosis.trials import as_usual, kind, with_nights
 from gtpin.effects.operating_points import Column
 from gtpin.report.page import Block, Fold, Note, Small, Table
 from gtpin.report.phrases import known_as, reason_words

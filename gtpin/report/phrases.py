@@ -6,8 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from gtpin.diagnosis.inference.findings import Cause, Doubt, Member
-from gtpin.diagnosis.result import Findings
+from gtpin.diagnosis.result import Cause, Doubt, Findings, Member
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.effect import ChainWords, Effect
 from gtpin.effects.sites import joints, tracks
@@ -58,10 +57,6 @@ DOUBTS = {
     "visits": (
         "Repeated visits to the same commands differ by more than the declared noise and the repeatability of the drives: "
         "something changes between the visits."
-    ),
-    "two_valued": (
-        "The errors of {site} have two values, like play with an unknown direction of approach. Check {columns}: its values "
-        "may belong to other rows."
     ),
     "scatter": "Repeated visits scatter by more than the instrument, and the columns that could explain it contradict each "
     "other.",

@@ -71,7 +71,7 @@ def sketch(
 ) -> Markup:
     """Draw a machine.
 
-    ``site_share``: :attr:`~gtpin.diagnosis.inference.where.Where.site`, in which the parts (carts, joints, links, all links,
+    ``site_share``: :attr:`~gtpin.diagnosis.result.Where.site`, in which the parts (carts, joints, links, all links,
     platform, instrument) are coloured, relative to the largest; empty where there is no gap. They are shares of log evidence,
     which are no shares of the gap: no number stands in the picture. ``causes``: sites of the causes, which are marked by
     rings, links by a wide edge. ``places``: instruments that are drawn under the machine.

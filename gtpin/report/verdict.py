@@ -8,11 +8,9 @@ from operator import attrgetter
 
 import numpy as np
 
-from gtpin.diagnosis.inference.findings import Cause, Considered, Correlate
-from gtpin.diagnosis.linear.cross_validation import Gap, InstrumentGap
-from gtpin.diagnosis.planning.measurement_conditions import kind
 from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS
-from gtpin.diagnosis.result import Diagnosis
+from gtpin.diagnosis.result import Cause, Considered, Correlate, Diagnosis, Gap, InstrumentGap
+from gtpin.diagnosis.trials import kind
 from gtpin.report.calibration_text import overruled, scatters
 from gtpin.report.page import Lead
 from gtpin.report.phrases import (

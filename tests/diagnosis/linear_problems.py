@@ -11,9 +11,9 @@ from scipy.stats import multivariate_normal
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
-from gtpin.diagnosis.linear.design import Design, Observed
-from gtpin.diagnosis.linear.evidence import Groups, Marginal
+from gtpin.diagnosis.design import Design, Observed
+from gtpin.diagnosis.evidence import Groups, Marginal
+from gtpin.diagnosis.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import catalogue, effects_by_id
 from gtpin.instruments.readings import Readings

@@ -11,14 +11,12 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 import gtpin
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope, SmoothTerm
-from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, causes, scales
-from gtpin.diagnosis.hypotheses.lines import settled
-from gtpin.diagnosis.inference.classes import contenders
-from gtpin.diagnosis.inference.search import search
-from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis.classes import class_of
+from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.evidence import NOTHING, Posterior
+from gtpin.diagnosis.hypothesis import Hypothesis, Scope, SmoothTerm, Term
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.search import HypothesisSet, causes, scales, search, with_lines_reestimated
 from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import Effect
 from gtpin.effects.operating_points import OperatingPoints
@@ -141,7 +139,7 @@ def of_arm(q: np.ndarray) -> Design:
     )
 
 
-def check(hypotheses: HypothesisSet, model: Explanation) -> None:
+def check(hypotheses: HypothesisSet, model: Posterior[Term]) -> None:
     places = [term.place for term in causes(model)]
     assert len(set(places)) == len(places)
     for cause in causes(model):
@@ -168,7 +166,7 @@ def test_a_search_over_any_hypotheses_ends_with_finite_evidence(hypotheses: Hypo
     model = search(hypotheses, hypotheses.every, alone)
     check(hypotheses, model)
     for cause in causes(model):
-        members = contenders(hypotheses, model, cause)
+        members = class_of(hypotheses, model, cause)
         assert sum(m.probability for m in members) <= 1.0 + 1e-6
 
 
@@ -183,7 +181,7 @@ def test_a_line_that_can_t_be_told_from_the_others_stays_as_it_is(size: float) -
     hypotheses = HypothesisSet(replace(design, y=y), (), (Hypothesis(lines, site),), (), SCOPE)
     cause = Hypothesis(lines, site, turn, 0.01, (3.0,), (0.01,))
     model = hypotheses.of((cause,), (1.0,))
-    found = settled(hypotheses, model)
+    found = with_lines_reestimated(hypotheses, model)
     assert causes(found) == (cause,)
     check(hypotheses, found)
 
@@ -211,7 +209,7 @@ def test_what_explains_as_much_as_a_cause_is_in_its_class_though_it_could_imitat
     model = hypotheses.of((strong, elsewhere), (1.0, 1.0))
     dear, cheap = (hypotheses.costs((strong, h))[h] for h in (imitator, elsewhere))
     assert dear > cheap + 100.0
-    members = {m.hypothesis: m.probability for m in contenders(hypotheses, model, elsewhere)}
+    members = {m.hypothesis: m.probability for m in class_of(hypotheses, model, elsewhere)}
     assert members[elsewhere] > members[imitator] > 0.0
 
 

@@ -8,11 +8,11 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import simulate
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference import classes as rules
-from gtpin.diagnosis.inference.classes import without_undecided
-from gtpin.diagnosis.inference.findings import Conclusion, Contender
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis import verdict as rules
+from gtpin.diagnosis.classes import ClassMember
+from gtpin.diagnosis.evidence import NOTHING
+from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.verdict import Conclusion, without_undecided
 from gtpin.effects.catalogue import catalogue, effect_of
 from gtpin.typing import Floats
 
@@ -68,7 +68,7 @@ def concluded(probabilities: dict[str, float]) -> tuple[Conclusion, dict[str, Hy
     causes = {site: Hypothesis(effect_of(catalogue(), "backlash"), site) for site in probabilities}
     other = Hypothesis(effect_of(catalogue(), "linearity"), "cart3")
     classes = {
-        cause: (Contender(cause, probabilities[site]), Contender(other, 1.0 - probabilities[site]))
+        cause: (ClassMember(cause, probabilities[site]), ClassMember(other, 1.0 - probabilities[site]))
         for site, cause in causes.items()
     }
     return Conclusion(NOTHING, classes, (), {}), causes

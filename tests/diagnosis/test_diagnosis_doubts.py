@@ -12,16 +12,17 @@ from linear_problems import every_effect
 import gtpin
 from gtpin.bench.simulator import make_case, simulate
 from gtpin.data import Dataset
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference import fit, predictive
-from gtpin.diagnosis.inference.findings import Conclusion, Contender
-from gtpin.diagnosis.inference.infer import decide
-from gtpin.diagnosis.linear.cross_validation import leave_out
-from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis import diagnose
+from gtpin.diagnosis import doubts as rules
+from gtpin.diagnosis.classes import ClassMember
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.evidence import NOTHING
+from gtpin.diagnosis.gap import leave_out
+from gtpin.diagnosis.hypothesis import Hypothesis
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.propose import propose
 from gtpin.diagnosis.result import Diagnosis
+from gtpin.diagnosis.verdict import Conclusion, decide
 from gtpin.errors import ConvergenceError
 from gtpin.output.shown import present
 from gtpin.report.verdict import verdict
@@ -125,22 +126,22 @@ def test_causes_must_make_left_out_positions_and_orientations_together_better(
             return alone
         return replace(alone, errors=nearer * alone.errors, turned=straighter * alone.turned)
 
-    monkeypatch.setattr(predictive, "leave_out", left)
-    after = predictive.with_smaller_errors(hypotheses, found, [])
+    monkeypatch.setattr(rules, "leave_out", left)
+    after = rules.worse_predictions(SimpleNamespace(hypotheses=hypotheses, found=found, blocks=[])) or found
     assert bool(after.classes) == kept
     assert [doubt.reason for doubt in after.doubts] == ([] if kept else ["held_out"])
 
 
 @pytest.mark.slow
 def test_causes_with_which_the_fit_does_not_converge_are_not_named_and_end_no_diagnosis(monkeypatch):
-    solve = fit.fit_together
+    solve = diagnose.fit_together
 
     def to_first_order_only(observed, start, causes, *others):
         if causes:
             raise ConvergenceError("the fit has not converged")
         return solve(observed, start, causes, *others)
 
-    monkeypatch.setattr(fit, "fit_together", to_first_order_only)
+    monkeypatch.setattr(diagnose, "fit_together", to_first_order_only)
     found = quietly(gtpin.diagnose, machine(2, "backlash").dataset)
     assert (found.verdict, found.causes) == ("unknown", ())
     assert [doubt.reason for doubt in found.doubts] == ["held_out"]
@@ -166,7 +167,7 @@ def test_what_causes_leave_is_compared_with_the_likeliest_noise_and_silence_with
 ):
     """``left``: of all that was measured; of the positions it is a fifth."""
     sizes = {"likeliest": 1.0, "largest": 1.4}
-    monkeypatch.setattr(fit, "floor_of", lambda noise, design: np.array([sizes[noise] ** 2]))
+    monkeypatch.setattr(rules, "floor_of", lambda noise, design: np.array([sizes[noise] ** 2]))
     shown = SimpleNamespace(
         source="declared",
         contradicted=False,
@@ -178,9 +179,11 @@ def test_what_causes_leave_is_compared_with_the_likeliest_noise_and_silence_with
         share_left=lambda *_: left,
     )
     cause = Hypothesis(gtpin.catalogue()[0], "cart1")
-    found = Conclusion(NOTHING, {cause: (Contender(cause, 1.0),)} if named else {}, (), {})
+    found = Conclusion(NOTHING, {cause: (ClassMember(cause, 1.0),)} if named else {}, (), {})
     hypotheses = SimpleNamespace(priors=PRIORS, design=None)
-    monkeypatch.setattr(fit, "contenders", lambda *_, unlisted: (Contender(cause, 1.0),))
+    monkeypatch.setattr(rules, "class_of", lambda *_, unlisted: (ClassMember(cause, 1.0),))
     monkeypatch.setattr(Conclusion, "whole", lambda *_: NOTHING)
-    after = fit.held_out(found, hypotheses, SimpleNamespace(before=2.8, after=1.6, floor=1.0), None, shown)
+    gap, settled = SimpleNamespace(before=2.8, after=1.6, floor=1.0), SimpleNamespace(observed=None)
+    context = SimpleNamespace(found=found, hypotheses=hypotheses, gap=gap, settled=settled, shown=shown)
+    after = rules.errors_beyond_noise(context) or found
     assert [doubt.reason for doubt in after.doubts] == doubts

@@ -7,11 +7,14 @@ import pytest
 from linear_problems import Dense
 from numpy.testing import assert_allclose
 
-from gtpin.diagnosis.linear.evidence import SCALES, Groups, Marginal, best_scales
-from gtpin.diagnosis.linear.posterior import (
+from gtpin.diagnosis.evidence import (
     NOTHING,
+    SCALES,
+    Groups,
+    Marginal,
     _rescaled,
     all_gains,
+    best_scales,
     exchanged,
     fixed,
     gain,

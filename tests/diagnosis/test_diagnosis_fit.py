@@ -12,12 +12,11 @@ from scipy.stats import binom, chi2
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference import joint_fit
-from gtpin.diagnosis.inference.joint_fit import JointProblem, fit_together
-from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.evidence import Groups, Marginal
-from gtpin.diagnosis.linear.posterior import fixed
+from gtpin.diagnosis import joint_fit
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.evidence import Groups, Marginal, fixed
+from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.joint_fit import JointProblem, fit_together
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.instruments.readings import Readings

@@ -8,10 +8,10 @@ from linear_problems import calibrated, every_effect
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.inference.reestimate_noise import left_over, reestimate_noise
-from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.posterior import NOTHING, fixed
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.evidence import NOTHING, fixed
+from gtpin.diagnosis.noise import left_over, reestimate_noise
+from gtpin.diagnosis.search import HypothesisSet
 from gtpin.effects.displacement import Displacement
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.rotations import exp
@@ -130,7 +130,7 @@ def test_only_the_sigma_that_is_not_declared_changes():
 def test_what_errs_alike_at_every_visit_is_no_scatter(seed):
     observed = measured(seed, fast=5e-5)
     found = reestimate_noise(observed, hypotheses_of(observed), NOTHING)
-    assert found.restless == "cart2"
+    assert found.drive_beyond_noise == "cart2"
     assert found.observed.noise.repeatability < 2e-5
 
 
@@ -138,4 +138,4 @@ def test_what_errs_alike_at_every_visit_is_no_scatter(seed):
 @pytest.mark.parametrize("repeatability", [0.0, 1.3e-5, 2.5e-5])
 def test_what_errs_anew_at_every_visit_is_scatter(seed, repeatability):
     observed = measured(seed, repeatability=repeatability)
-    assert reestimate_noise(observed, hypotheses_of(observed), NOTHING).restless is None
+    assert reestimate_noise(observed, hypotheses_of(observed), NOTHING).drive_beyond_noise is None

@@ -10,9 +10,10 @@ from diagnosed import LARGE, classes, machine, quietly, said
 import gtpin
 from gtpin.bench.blind.draw import Draft, drafts, made
 from gtpin.bench.simulator import make_case
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference.findings import Conclusion, Contender
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis.classes import ClassMember
+from gtpin.diagnosis.evidence import NOTHING
+from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.verdict import Conclusion
 from gtpin.effects.catalogue import effects_by_id
 
 pytestmark = pytest.mark.slow
@@ -175,7 +176,7 @@ def test_a_cause_is_sure_where_it_leads_its_class_and_stays_beside_an_unknown_wh
 ):
     cause, other = (Hypothesis(effect, "cart1") for effect in gtpin.catalogue()[:2])
     members = sorted(
-        (Contender(h, p) for h, p in zip((cause, other), shares, strict=True)), key=lambda m: -m.probability
+        (ClassMember(h, p) for h, p in zip((cause, other), shares, strict=True)), key=lambda m: -m.probability
     )
     found = Conclusion(NOTHING, {cause: tuple(members)}, (), {})
     assert found.sure() == ([cause] if sure else [])

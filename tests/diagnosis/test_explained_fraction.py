@@ -7,8 +7,9 @@ import pytest
 from linear_problems import bare_design
 from numpy.testing import assert_allclose
 
-from gtpin.diagnosis.linear.cross_validation import Gap, gap, leave_out
-from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.gap import gap, leave_out
+from gtpin.diagnosis.result import Gap
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,8 @@ import pytest
 from linear_problems import calibrated, every_effect
 from scipy.stats import binom
 
-from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference.search import rough_guess
+from gtpin.diagnosis.propose import propose
+from gtpin.diagnosis.search import rough_guess
 
 pytestmark = pytest.mark.slow
 

@@ -10,10 +10,10 @@ from linear_problems import bare_design
 from numpy.testing import assert_allclose
 
 import gtpin
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference.predictive import as_unseen
-from gtpin.diagnosis.linear.cross_validation import STRETCHES, Gap, blocks_of, gap
-from gtpin.diagnosis.linear.design import Observed
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.gap import TIME_BLOCKS, as_unseen, blocks_of, gap
+from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.result import Gap
 from gtpin.effects.catalogue import effects_by_id
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]
@@ -47,7 +47,7 @@ def test_each_session_is_a_block():
 def test_stretches_of_time_follow_each_other_and_are_of_equal_length():
     time = machine(SEED, EFFECT).dataset.covariates["time"]
     blocks = cut("time")
-    assert len(blocks) == STRETCHES
+    assert len(blocks) == TIME_BLOCKS
     for earlier, later in pairwise(blocks):
         assert time[earlier].max() < time[later].min()
     assert np.ptp([block.sum() for block in blocks]) <= 1

@@ -8,15 +8,15 @@ from diagnosed import machine, quietly
 from linear_problems import every_effect
 
 import gtpin
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference.findings import Conclusion, Contender, Question
-from gtpin.diagnosis.inference.fit import without_impossible
-from gtpin.diagnosis.inference.infer import decide
-from gtpin.diagnosis.inference.search import rough_guess
-from gtpin.diagnosis.linear.design import Design, Observed
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis.classes import ClassMember
+from gtpin.diagnosis.design import Design, Observed
+from gtpin.diagnosis.doubts import without_impossible
+from gtpin.diagnosis.evidence import NOTHING
+from gtpin.diagnosis.hypothesis import Hypothesis, Scope
+from gtpin.diagnosis.propose import propose
+from gtpin.diagnosis.result import Question
+from gtpin.diagnosis.search import HypothesisSet, rough_guess
+from gtpin.diagnosis.verdict import Conclusion, decide
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def hypotheses() -> HypothesisSet:
 def test_causes_that_are_named_only_beside_an_impossible_one_are_dropped(hypotheses: HypothesisSet) -> None:
     first, second, third = hypotheses.linear[:3]
     model = hypotheses.of([first, second, third], [1.0, 1.0, 1.0])
-    found = Conclusion(model, {c: (Contender(c, 1.0),) for c in (first, second, third)}, (), {})
+    found = Conclusion(model, {c: (ClassMember(c, 1.0),) for c in (first, second, third)}, (), {})
     asked = Question(*first.place, "scale", -1.0, 0.1, "m/m", 0.0, np.inf, "nobody has it", False)
     left = without_impossible(hypotheses, found, [asked], {first.place, third.place})
     assert tuple(left.classes) == (third,)

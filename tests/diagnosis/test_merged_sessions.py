@@ -12,11 +12,11 @@ from scipy.stats import multivariate_normal
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.recipe import SimulatedConditions
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.propose import _together, merged_sessions
-from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.evidence import Marginal
+from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.evidence import Marginal
+from gtpin.diagnosis.hypothesis import Hypothesis
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.propose import _together, merged_sessions
 from gtpin.effects.drive_errors import ZeroShift
 from gtpin.effects.measurement import FrameShift
 

@@ -13,18 +13,16 @@ from scipy.stats import multivariate_normal
 import gtpin
 from gtpin.bench.simulator import Case, make_case, measure_at
 from gtpin.data import Commands, Dataset
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.hypotheses.hypothesis_set import Untested
-from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
-from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.evidence import Groups, Marginal
-from gtpin.diagnosis.linear.posterior import NOTHING, gain
-from gtpin.diagnosis.planning.discrimination import concerns
-from gtpin.diagnosis.planning.expected_bayes_factor import Prediction, expected_gain, most_telling
-from gtpin.diagnosis.planning.measurement_conditions import with_nights
-from gtpin.diagnosis.planning.next_experiment import CauseClass, Experiment, map_unknown, plan
-from gtpin.diagnosis.planning.trials import Known, possible
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.discrimination import CauseClass, Prediction, concerns, expected_gain, most_telling
+from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, gain
+from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.next_experiment import map_unknown, plan
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.result import Experiment
+from gtpin.diagnosis.search import Untested
+from gtpin.diagnosis.smooth_terms import smooth_terms
+from gtpin.diagnosis.trials import Known, possible, with_nights
 from gtpin.effects.drive_errors import Linearity
 from gtpin.effects.untestable import Untestable
 from gtpin.instruments.readings import Readings

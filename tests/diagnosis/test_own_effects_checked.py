@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, Scope
+from gtpin.diagnosis.hypothesis import Hypothesis, Scope
 from gtpin.effects import Displacement, Effect, OperatingPoints, along_track
 from gtpin.errors import ModelError
 

@@ -12,10 +12,9 @@ from gtpin.bench.blind.difficulty import Best, Difficulty, true_parameters
 from gtpin.bench.simulator import make_case
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.problem import Point
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference.fit import estimates
-from gtpin.diagnosis.inference.joint_fit import JointProblem, fit_together
-from gtpin.diagnosis.linear.design import Observed
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.joint_fit import JointProblem, estimates, fit_together
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.typing import Floats
 

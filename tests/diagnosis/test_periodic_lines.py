@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.bench.simulator import simulate
-from gtpin.diagnosis.inference import settle
-from gtpin.diagnosis.inference.infer import FittedLines
-from gtpin.diagnosis.inference.search import rough_guess
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis import noise
+from gtpin.diagnosis.evidence import NOTHING
+from gtpin.diagnosis.scan import FittedLines
+from gtpin.diagnosis.search import rough_guess
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 
@@ -239,9 +239,9 @@ def test_only_a_long_model_stays_with_few_poses(most, is_long, monkeypatch):
         seen.append(len(hypotheses.design.operating_points))
         return rough_guess(hypotheses, before)
 
-    monkeypatch.setattr(settle, "FEW_POSES", 150)
-    monkeypatch.setattr(settle, "MOST", most)
-    monkeypatch.setattr(settle, "rough_guess", spied)
+    monkeypatch.setattr(noise, "FEW_POSES", 150)
+    monkeypatch.setattr(noise, "MOST_TERMS", most)
+    monkeypatch.setattr(noise, "rough_guess", spied)
     found = gtpin.diagnose(data)
     assert seen[0] == 150
     assert seen[-1] == (150 if is_long else len(data))

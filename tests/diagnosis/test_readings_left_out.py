@@ -13,9 +13,9 @@ from scipy.stats import binomtest, chi2
 
 import gtpin
 from gtpin.calibration.left_out import LeftOutBlock
-from gtpin.diagnosis.linear.cross_validation import blocks_of, leave_out
-from gtpin.diagnosis.linear.design import Design, Observed
-from gtpin.diagnosis.linear.evidence import Marginal
+from gtpin.diagnosis.design import Design, Observed
+from gtpin.diagnosis.evidence import Marginal
+from gtpin.diagnosis.gap import blocks_of, leave_out
 from gtpin.diagnosis.prepare import Prepared, prepare
 from gtpin.model.measured_robot import robot_of
 

@@ -8,17 +8,16 @@ from linear_problems import calibrated, every_effect, hypothesis
 from scipy.special import softmax
 from scipy.stats import multivariate_normal
 
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.hypotheses.smooth_terms import smooth_terms
-from gtpin.diagnosis.inference.classes import ranked
-from gtpin.diagnosis.inference.findings import Cause, Conclusion, Contender
-from gtpin.diagnosis.linear.posterior import NOTHING
-from gtpin.diagnosis.planning.discrimination import discriminate
-from gtpin.diagnosis.planning.expected_bayes_factor import DRAWN, PROMISED, Prediction, Rivals
-from gtpin.diagnosis.planning.measurement_conditions import SESSIONS, next_sessions
-from gtpin.diagnosis.planning.next_experiment import classes
-from gtpin.diagnosis.planning.trials import Known
+from gtpin.diagnosis.classes import ClassMember, ranked
+from gtpin.diagnosis.discrimination import PROMISED, SIMULATED, Prediction, Rivals, discriminate
+from gtpin.diagnosis.evidence import NOTHING
+from gtpin.diagnosis.next_experiment import classes
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.result import Cause
+from gtpin.diagnosis.search import HypothesisSet
+from gtpin.diagnosis.smooth_terms import smooth_terms
+from gtpin.diagnosis.trials import SESSIONS, Known, next_sessions
+from gtpin.diagnosis.verdict import Conclusion
 
 ROWS = np.arange(4)
 
@@ -47,7 +46,7 @@ def test_the_probability_is_that_of_measurements_drawn_from_the_members() -> Non
     exact = sum(settled)
     assert 0.1 < exact < 0.9
     found = chance(Rivals(members, share, 2, heat))
-    assert found == pytest.approx(exact, abs=4.0 * np.sqrt(exact * (1.0 - exact) / DRAWN))
+    assert found == pytest.approx(exact, abs=4.0 * np.sqrt(exact * (1.0 - exact) / SIMULATED))
 
 
 def test_members_with_the_same_prediction_are_never_settled() -> None:
@@ -83,7 +82,7 @@ def test_a_cause_alone_in_its_class_is_distinguished_from_the_next_hypothesis() 
     hypotheses = HypothesisSet(design, (cause, *others), (), smooth, every_effect())
     model = hypotheses.extended(NOTHING, cause)
     alone = hypotheses.gains(NOTHING, hypotheses.every)
-    found = Conclusion(model, {cause: (Contender(cause, 0.7),)}, (), alone)
+    found = Conclusion(model, {cause: (ClassMember(cause, 0.7),)}, (), alone)
     (of_cause,) = classes(found, [Cause("linearity", "cart2", 0.7, (), {}, 0.5)], hypotheses)
     every = ranked(hypotheses, model, cause)
     second = next(m.hypothesis for m in every.named if m.hypothesis != cause)
@@ -91,7 +90,7 @@ def test_a_cause_alone_in_its_class_is_distinguished_from_the_next_hypothesis() 
     assert of_cause.smooth == every.smooth[:3]
     experiment = discriminate(known, [of_cause], 0, 20, np.random.default_rng(0))
     assert experiment.separates == (str(cause), str(second))
-    sure = replace(found, classes={cause: (Contender(cause, 0.97),)})
+    sure = replace(found, classes={cause: (ClassMember(cause, 0.97),)})
     (of_cause,) = classes(sure, [Cause("linearity", "cart2", 0.97, (), {}, 0.5)], hypotheses)
     assert len(of_cause.members) == 1
 

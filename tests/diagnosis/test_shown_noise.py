@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.bench.simulator import simulate_measured
+from gtpin.diagnosis import noise as check
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses.hypothesis import Scope
-from gtpin.diagnosis.inference import shown_noise as check
+from gtpin.diagnosis.hypothesis import Scope
 from gtpin.diagnosis.prepare import prepare
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.model.measured_robot import robot_of

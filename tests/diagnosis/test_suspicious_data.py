@@ -11,16 +11,14 @@ from linear_problems import every_effect
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
-from gtpin.diagnosis.hypotheses.propose import propose
-from gtpin.diagnosis.inference.reestimate_noise import left_over
-from gtpin.diagnosis.inference.settle import readmit_outliers
-from gtpin.diagnosis.inference.suspicious_data import two_groups, two_values
-from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.doubts import two_groups
+from gtpin.diagnosis.evidence import NOTHING
+from gtpin.diagnosis.noise import left_over, searchable_rows
 from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.propose import propose
 from gtpin.errors import GtpinWarning
-from gtpin.report.verdict import verdict
 
 
 def groups_of(dataset: gtpin.Dataset):
@@ -83,24 +81,6 @@ def test_play_with_directions_of_other_rows_on_a_machine_that_stands_still_is_no
     found = quietly(gtpin.diagnose, replace(case.dataset, covariates=mixed))
     assert found.verdict == "unknown"
     assert not [c for c in found.causes if c.probability >= 0.95 and c.effect != "backlash"]
-    if any(doubt.reason == "two_valued" for doubt in found.doubts):
-        assert any("approach" in line for line in verdict(found).advice)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("count", [60, 220, 1000])
-def test_gaussian_scatter_is_hardly_ever_taken_for_two_values(count):
-    rng = np.random.default_rng(count)
-    known = np.full(count, 0.3**2)
-    gains = [two_values(rng.normal(size=count) + rng.normal(0.0, 0.3, count), known) for _ in range(100)]
-    assert max(gains) < max(10.0, 0.05 * count)
-
-
-@pytest.mark.parametrize("apart", [2.5, 4.0])
-def test_two_values_far_apart_are_seen(apart):
-    rng = np.random.default_rng(1)
-    errors = apart * rng.choice([-1.0, 1.0], 150) + rng.normal(size=150)
-    assert two_values(errors, np.ones(150)) > 10.0
 
 
 @pytest.mark.slow
@@ -128,7 +108,7 @@ def test_a_command_out_of_reach_is_no_pose_to_believe() -> None:
     q[once] = [2.0, -2.0, 2.0]
     wild = replace(dataset, q=q)
     baseline = quietly(gtpin.calibrate, wild)
-    rows = readmit_outliers(Prepared(wild, wild, baseline, (None, None)), PRIORS)
+    rows = searchable_rows(Prepared(wild, wild, baseline, (None, None)), PRIORS)
     assert not rows[once].any()
     assert (rows == baseline.used(wild)).all()
 

@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from gtpin.diagnosis import priors
+from gtpin.diagnosis import discrimination as splitting
+from gtpin.diagnosis import evidence, gap, joint_fit, noise, priors, scan, search
 from gtpin.diagnosis.diagnose import FALSE_ALARM
-from gtpin.diagnosis.hypotheses import lines
-from gtpin.diagnosis.inference import fit, search, settle
-from gtpin.diagnosis.linear import cross_validation, evidence, scan
-from gtpin.diagnosis.planning import discrimination as splitting
-from gtpin.diagnosis.planning.expected_bayes_factor import DRAWN, PROMISED
-from gtpin.diagnosis.planning.measurement_conditions import SESSIONS
+from gtpin.diagnosis.discrimination import PROMISED, SIMULATED
+from gtpin.diagnosis.trials import SESSIONS
 from gtpin.effects.rack import LEAST_TURNS
 from gtpin.effects.smooth import SLOWEST_LINE
 from gtpin.report import residual_plots
@@ -67,13 +64,13 @@ CONSTANTS = {
         f"The share is {100 * P.same:g} % at the same site over the same coordinates",
         f"{100 * P.related:g} % for related hypotheses",
         f"or both depend on load), {100 * P.other:g} % for all others",
-        f"With more than {settle.MOST_POSES:,} poses, the search uses",
+        f"With more than {noise.MOST_POSES:,} poses, the search uses",
         f"no form of their own: there, odds of {np.exp(P.same_clock):.0f} to 1",
-        f"gain: below {splitting.HOPELESS:g} nats, only",
+        f"gain: below {splitting.NONE_EXPECTED:g} nats, only",
         f"below {100 * PROMISED:g} %, how many rounds",
-        f"with {DRAWN} simulated",
+        f"with {SIMULATED} simulated",
         f"in {SESSIONS} further sessions",
-        f"below {splitting.LEAST:g} nat, the round and what",
+        f"below {splitting.LEAST_EXPECTED:g} nat, the round and what",
         f"`--false-alarm` (default {FALSE_ALARM:g})",
         f"a smooth function has parts with up to {SLOWEST_LINE:g} periods a turn",
         f"at least {LEAST_TURNS:g} periods in the joint's range of commands where the joint has no",
@@ -86,13 +83,13 @@ CONSTANTS = {
         f"out of {len(evidence.SCALES)} between {evidence.SCALES[0]:.2g} and {evidence.SCALES[-1]:g}",
         f"have at least {scan.ALIKE:g} of its gain",
         f"those with at least {scan.LIKELY:g} of the largest such gain",
-        f"more than {settle.FEW_POSES:,} poses a long model is searched on {settle.FEW_POSES:,} of them",
-        f"until that gains less than {lines.SETTLED:g} nats",
-        f"68 % of {2 * fit.DRAWS} draws from the posterior",
-        f"has {cross_validation.DRAWS} draws: coefficients from their posterior, {cross_validation.ASKED} poses",
+        f"more than {noise.FEW_POSES:,} poses a long model is searched on {noise.FEW_POSES:,} of them",
+        f"until that gains less than {search.LINES_CONVERGED:g} nats",
+        f"68 % of {2 * joint_fit.PARAMETER_DRAWS} draws from the posterior",
+        f"has {gap.INTERVAL_DRAWS} draws: coefficients from their posterior, {gap.PREDICTED_POSES} poses",
         f"each of the {WORDS[search.BEAM]} best single hypotheses",
-        f"at most {WORDS[search.MOST]} members",
-        f"{WORDS[cross_validation.TOGETHER]} neighbouring poses",
+        f"at most {WORDS[search.MOST_TERMS]} members",
+        f"{WORDS[gap.BLOCK_POSES]} neighbouring poses",
     ),
 }
 """Numbers that a page of the docs says of the code, with the code's own in them."""

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gtpin.bench.simulator import make_case
-from gtpin.diagnosis.inference.findings import Cause, Member
+from gtpin.diagnosis.result import Cause, Member
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "next_experiment"))
 

@@ -12,11 +12,9 @@ from scipy.stats import binom
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.diagnosis.against.alarm import threshold
-from gtpin.diagnosis.against.check import changes
-from gtpin.diagnosis.against.earlier import Earlier
-from gtpin.diagnosis.against.expectation import usable
-from gtpin.diagnosis.hypotheses.hypothesis import Scope
+from gtpin.diagnosis.against import changes, threshold
+from gtpin.diagnosis.earlier import Earlier, usable
+from gtpin.diagnosis.hypothesis import Scope
 from gtpin.effects.catalogue import catalogue
 from gtpin.extras.history.history import Entry
 from gtpin.output.shown import present

@@ -12,13 +12,12 @@ import gtpin
 from gtpin.bench.blind.draw import drafts, measured
 from gtpin.bench.simulator import simulate_measured
 from gtpin.data import Dataset
-from gtpin.diagnosis.hypotheses.hypothesis import Scope
-from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
-from gtpin.diagnosis.inference.reestimate_noise import left_over, reestimate_noise
-from gtpin.diagnosis.inference.settle import readmit_outliers
-from gtpin.diagnosis.linear.design import Observed
-from gtpin.diagnosis.linear.posterior import NOTHING
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.evidence import NOTHING
+from gtpin.diagnosis.hypothesis import Scope
+from gtpin.diagnosis.noise import left_over, reestimate_noise, searchable_rows
 from gtpin.diagnosis.prepare import prepare
+from gtpin.diagnosis.search import HypothesisSet
 from gtpin.effects.catalogue import catalogue
 from gtpin.model.measured_robot import robot_of
 
@@ -82,7 +81,7 @@ def test_a_ball_that_sat_badly_in_its_socket_is_given_back_to_no_cause(tmp_path:
         off = rng.choice([-1.0, 1.0], 6) * rng.uniform(3e-4, 2e-3, 6)
         changed(tmp_path / "cup.csv", column, dict(zip(rows.tolist(), off.tolist(), strict=True)))
     prepared = prepare(Dataset.read(tmp_path), ROBOT, None, SCOPE.priors)
-    found, used = readmit_outliers(prepared, SCOPE.priors), prepared.baseline.used(prepared.dataset)
+    found, used = searchable_rows(prepared, SCOPE.priors), prepared.baseline.used(prepared.dataset)
     assert len({str(pose) for pose in prepared.dataset.pose[~used]}) >= 5
     assert (found == used).all()
 
@@ -96,6 +95,6 @@ def test_lines_of_drives_do_not_explain_the_gross_errors_of_an_encoder(tmp_path:
     case.write_dataset(tmp_path)
     dataset = Dataset.read(tmp_path)
     prepared = prepare(dataset, robot_of(dataset), None, SCOPE.priors)
-    found, used = readmit_outliers(prepared, SCOPE.priors), prepared.baseline.used(prepared.dataset)
+    found, used = searchable_rows(prepared, SCOPE.priors), prepared.baseline.used(prepared.dataset)
     assert (~used).sum() >= 5
     assert (found == used).all()

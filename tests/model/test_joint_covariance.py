@@ -31,7 +31,7 @@ def test_blocks_of_the_joint_covariance_are_those_of_geometry_and_effects(diagno
 
 def test_predictions_are_as_sure_as_the_joint_covariance_says_and_surer_than_its_blocks_alone(diagnosed):
     """An effect and the geometry that absorbs it are known together better than each by itself."""
-    from gtpin.diagnosis.against.earlier import Earlier
+    from gtpin.diagnosis.earlier import Earlier
 
     case, found = diagnosed
     earlier, q = Earlier(found.model), case.dataset.q[:20]

@@ -23,8 +23,7 @@ import gtpin
 from gtpin.bench.simulator.case import simulate_scenario
 from gtpin.commands.terminal import rendered
 from gtpin.data import Dataset
-from gtpin.diagnosis.inference.findings import Member, Undecided
-from gtpin.diagnosis.result import Diagnosis, HealthCheck
+from gtpin.diagnosis.result import Diagnosis, HealthCheck, Member, Undecided
 from gtpin.report.diagnosis import DiagnosisPresentation
 from gtpin.report.health import HealthCheckPresentation, health_page
 

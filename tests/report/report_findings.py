@@ -6,8 +6,7 @@ import html
 import re
 from dataclasses import replace
 
-from gtpin.diagnosis.inference.findings import Correlate, Member, Unexplained
-from gtpin.diagnosis.result import Diagnosis
+from gtpin.diagnosis.result import Correlate, Diagnosis, Member, Unexplained
 from gtpin.estimate import Estimate
 
 

@@ -14,7 +14,7 @@ from report_findings import text
 
 import gtpin
 from gtpin.data import Dataset
-from gtpin.diagnosis.planning.experiment import Experiment
+from gtpin.diagnosis.result import Experiment
 from gtpin.report import page, sections
 from gtpin.report.calibration import CalibrationPresentation
 from gtpin.report.diagnosis import DiagnosisPresentation

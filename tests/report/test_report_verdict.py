@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gtpin.diagnosis.inference.findings import Considered, Correlate, Member
+from gtpin.diagnosis.result import Considered, Correlate, Member
 from gtpin.effects.untestable import Untestable
 from gtpin.report.phrases import cause_rows
 from gtpin.report.verdict import verdict

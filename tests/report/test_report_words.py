@@ -15,7 +15,7 @@ import pytest
 import gtpin
 from gtpin import load_robot
 from gtpin.calibration.observability import Remedy
-from gtpin.diagnosis.linear.cross_validation import Gap
+from gtpin.diagnosis.result import Gap
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.drive_errors import Linearity
 from gtpin.effects.effect import Effect

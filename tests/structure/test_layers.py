@@ -49,12 +49,12 @@ ASKING = {
     "calibration/calibrate.py": 1,
     "calibration/checks/prepared.py": 1,
     "data/dataset.py": 2,
-    "diagnosis/against/check.py": 2,
-    "diagnosis/against/expectation.py": 1,
-    "diagnosis/inference/fit.py": 2,
-    "diagnosis/inference/joint_fit.py": 1,
-    "diagnosis/inference/where.py": 1,
-    "diagnosis/linear/design.py": 3,
+    "diagnosis/against.py": 2,
+    "diagnosis/earlier.py": 1,
+    "diagnosis/joint_fit.py": 1,
+    "diagnosis/gap.py": 1,
+    "diagnosis/design.py": 3,
+    "diagnosis/doubts.py": 1,
     "diagnosis/prepare.py": 1,
     "instruments/readings.py": 2,
     "report/residuals.py": 1,
@@ -121,8 +121,31 @@ def test_the_core_imports_no_extras_and_no_bench() -> None:
     assert {place(module) for module in MODULES} >= {"commands", *NOT_CORE}
 
 
-ROOMS = ("priors", "prepare", "linear", "hypotheses", "inference", "planning", "result", "against", "diagnose")
-"""Folders and single files of ``gtpin/diagnosis``: each may use those before it."""
+ROOMS = (
+    "result",
+    "priors",
+    "prepare",
+    "design",
+    "evidence",
+    "scan",
+    "hypothesis",
+    "smooth_terms",
+    "search",
+    "propose",
+    "noise",
+    "classes",
+    "verdict",
+    "joint_fit",
+    "gap",
+    "doubts",
+    "trials",
+    "discrimination",
+    "next_experiment",
+    "earlier",
+    "against",
+    "diagnose",
+)
+"""Files of ``gtpin/diagnosis``: each may use those before it."""
 
 
 def room(module: str) -> str:
@@ -145,7 +168,7 @@ def test_no_room_of_a_diagnosis_uses_one_after_it() -> None:
 def test_no_effect_is_named_by_a_string_with_its_site() -> None:
     """Hypotheses are values: ``effect@site`` is written for messages, and for the JSON of experiments."""
     files = [file for file in (PACKAGE / "diagnosis").rglob("*.py") if "@{" in file.read_text(encoding="utf-8")]
-    assert {file.name for file in files} == {"hypothesis.py", "experiment.py"}
+    assert {file.name for file in files} == {"hypothesis.py", "result.py"}
 
 
 def test_the_verdict_is_decided_in_one_file() -> None:
@@ -154,7 +177,7 @@ def test_the_verdict_is_decided_in_one_file() -> None:
         for file in (PACKAGE / "diagnosis").rglob("*.py")
         if re.search(r'return "unknown"', file.read_text("utf-8"))
     ]
-    assert deciding == ["findings.py"]
+    assert deciding == ["verdict.py"]
 
 
 def test_the_simulator_imports_nothing_of_what_it_shall_judge() -> None:

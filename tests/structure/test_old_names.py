@@ -10,7 +10,7 @@ import gtpin.data
 import gtpin.effects
 from gtpin.bench.simulator import EffectTruth, make_case
 from gtpin.bench.simulator.case import scenario_recipe
-from gtpin.diagnosis.hypotheses.hypothesis import Scope
+from gtpin.diagnosis.hypothesis import Scope
 from gtpin.effects.active import ActiveEffect
 
 

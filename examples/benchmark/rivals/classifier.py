@@ -17,7 +17,7 @@ from problem import Problem, answered, cause
 from scipy.optimize import minimize
 
 from gtpin.bench.benchmark.answer import Answer
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypothesis import Hypothesis
 
 Floats = npt.NDArray[np.float64]
 Words = npt.NDArray[np.str_]

@@ -14,9 +14,9 @@ from gtpin.calibration.noise_estimator import noise_at
 from gtpin.calibration.problem import measured_poses
 from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.inference.joint_fit import fit_together
-from gtpin.diagnosis.linear.design import Observed
+from gtpin.diagnosis.design import Observed
+from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.joint_fit import fit_together
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.instruments.readings import Readings, single

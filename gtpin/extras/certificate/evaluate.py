@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.data import Dataset
-from gtpin.diagnosis.linear.cross_validation import Gap
+from gtpin.diagnosis.result import Gap
 from gtpin.extras.certificate.budget import mean_trace, unexplained
 from gtpin.extras.certificate.held_against import HeldAgainst, ModelPosterior, approaches, by_commands
 from gtpin.extras.certificate.pose_accuracy import (

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gtpin.data import Dataset
-from gtpin.diagnosis.inference.findings import Verdict
+from gtpin.diagnosis.result import Verdict
 from gtpin.extras.certificate.budget import Budget
 from gtpin.extras.certificate.quantity import Quantity
 from gtpin.model.model import Model

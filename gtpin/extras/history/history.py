@@ -13,8 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gtpin.data import Dataset
 from gtpin.data.files import read_text
-from gtpin.diagnosis.inference.findings import Verdict
-from gtpin.diagnosis.result import HealthCheck
+from gtpin.diagnosis.result import HealthCheck, Verdict
 from gtpin.errors import GtpinError
 
 SCHEMA: Final = "gtpin-history/1"

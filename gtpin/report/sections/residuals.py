@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.calibration.result import InstrumentFit
-from gtpin.diagnosis.linear.cross_validation import InstrumentGap
+from gtpin.diagnosis.result import InstrumentGap
 from gtpin.report.ball_bar_plot import circular_tests
 from gtpin.report.maps import MapScale, maps
 from gtpin.report.page import Block, Heading, Plots, Section, Table

@@ -11,8 +11,8 @@ from scipy.stats import multivariate_normal
 
 from gtpin.bench.blind.draw import truth_of
 from gtpin.bench.simulator.case import Case, make_case
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
-from gtpin.diagnosis.linear.evidence import SCALES, Groups, Marginal
+from gtpin.diagnosis.evidence import SCALES, Groups, Marginal
+from gtpin.diagnosis.hypothesis import Hypothesis
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.catalogue import effects_by_id
 

@@ -1,10 +1,10 @@
-"""Gross errors happen anywhere; outliers that stand together over a coordinate of the machine are none."""
+"""Gross errors happen anywhere; outliers that are clustered over a coordinate of the machine are none."""
 
 import numpy as np
 import pytest
 
 import gtpin
-from gtpin.diagnosis.inference.settle import stand_together
+from gtpin.diagnosis.noise import clustered
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.effects.operating_points import OperatingPoints
 
@@ -18,7 +18,7 @@ def operating_points(rng: np.random.Generator, count: int = 190) -> OperatingPoi
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("over", ["travel", "force"])
-def test_outliers_of_one_interval_stand_together(seed: int, over: str) -> None:
+def test_outliers_of_one_interval_are_clustered(seed: int, over: str) -> None:
     """A pit of a track, and play that the force of a rod takes up at five of 190 poses."""
     rng = np.random.default_rng(seed)
     at = operating_points(rng)
@@ -27,12 +27,12 @@ def test_outliers_of_one_interval_stand_together(seed: int, over: str) -> None:
     pit[np.argsort(values)[60:65] if over == "travel" else np.argsort(values)[-5:]] = True
     wild = pit.copy()
     wild[rng.choice(np.flatnonzero(~pit), 2, replace=False)] = True  # two gross errors elsewhere
-    found = stand_together(at, wild, PRIORS)
+    found = clustered(at, wild, PRIORS)
     assert found[pit].all()
     assert not found[~wild].any()
 
 
-def test_gross_errors_at_random_seldom_stand_together() -> None:
+def test_gross_errors_at_random_are_seldom_clustered() -> None:
     """By the bound, in at most one of 1,000 draws: more than 3 of 300 have a chance below 3e-4 (Poisson)."""
     rng = np.random.default_rng(7)
     at = operating_points(rng, 120)
@@ -40,7 +40,7 @@ def test_gross_errors_at_random_seldom_stand_together() -> None:
     for _ in range(300):
         wild = np.zeros(len(at), dtype=bool)
         wild[rng.choice(len(at), rng.integers(3, 12), replace=False)] = True
-        found += bool(stand_together(at, wild, PRIORS).any())
+        found += bool(clustered(at, wild, PRIORS).any())
     assert found <= 3
 
 
@@ -50,4 +50,4 @@ def test_visits_of_one_command_are_one() -> None:
     at = operating_points(rng, 60)
     rows = np.concatenate([np.arange(60), np.repeat(7, 5)])
     again = OperatingPoints(at.kinematics, at.q[rows], at.kinematics.forward(at.q[rows]), {})
-    assert not stand_together(again, rows == 7, PRIORS).any()
+    assert not clustered(again, rows == 7, PRIORS).any()

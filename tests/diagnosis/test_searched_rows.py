@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.data import Dataset
-from gtpin.diagnosis.inference import settle as settling
-from gtpin.diagnosis.inference.joint_fit import fit_together
-from gtpin.diagnosis.inference.settle import SearchState, settle
+from gtpin.diagnosis import noise
+from gtpin.diagnosis.joint_fit import fit_together
+from gtpin.diagnosis.noise import SearchState, settle
 from gtpin.diagnosis.prepare import Prepared, prepare
 from gtpin.report.residuals import Residuals
 
@@ -35,7 +35,7 @@ def moved(dataset: Dataset, rows: np.ndarray, offset: np.ndarray) -> Dataset:
 def test_poses_beyond_a_joint_near_a_tracks_end_are_a_step_and_no_gross_errors(seed, most, monkeypatch):
     """Of the 200 poses, a search takes all, or ``most``."""
     if most:
-        monkeypatch.setattr(settling, "MOST_POSES", most)
+        monkeypatch.setattr(noise, "MOST_POSES", most)
     dataset = make_case(seed, effects=[], poses=200).dataset
     beyond = np.argsort(dataset.q[:, 0])[-6:]
     found = quietly(gtpin.diagnose, moved(dataset, beyond, np.array([2.5e-4, 0.0, 0.0])))
@@ -115,7 +115,7 @@ def test_a_fit_after_a_search_of_half_the_rows_is_that_after_a_search_of_all(mon
     prepared = quietly(prepare, heavy_tailed(1), gtpin.load_robot("gantry_tau"))
     whole = settled(prepared)
     assert (whole.everything.weight != 1.0).any()  # the tails are found
-    monkeypatch.setattr(settling, "MOST_POSES", PART)
+    monkeypatch.setattr(noise, "MOST_POSES", PART)
     half = settled(prepared)
     assert len(half.observed.weight) <= PART < len(half.everything.weight)
     aim = geometry(whole, prepared)
@@ -126,7 +126,7 @@ def test_a_fit_after_a_search_of_half_the_rows_is_that_after_a_search_of_all(mon
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_pit_of_a_track_is_unknown_there_and_neither_set_aside_nor_a_step(seed):
-    """A bell of a fiftieth of the travel: most poses do not see it, and those that do stand together."""
+    """A bell of a fiftieth of the travel: most poses do not see it, and those that do are clustered."""
     dataset = make_case(seed, effects=[], poses=200).dataset
     q = dataset.q[:, 1]
     at = np.median(q)

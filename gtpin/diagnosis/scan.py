@@ -1,4 +1,4 @@
-"""Dense scans of an effect's nonlinear parameter: a period, a place."""
+"""Dense scans of an effect's nonlinear parameter (a period, a place), and the chance that scatter shows a line."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import betaincc
 
-from gtpin.diagnosis.linear.design import Design
-from gtpin.diagnosis.linear.evidence import Groups, best_scales
-from gtpin.diagnosis.linear.posterior import Posterior
+from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.evidence import Groups, Posterior, best_scales
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.effect import Effect
 from gtpin.typing import Floats
@@ -23,9 +23,9 @@ LIKELY = 0.2
 """All values are first compared by their cores alone; only values whose gain is at least this share of the largest are then
 computed with their modulation. Assumed: less than ``ALIKE``, as other maxima are compared, too; at their typical sizes
 modulations have at most 0.2 (periods) and 0.6 (steps) of the core's power."""
-KEPT = 12_000_000
+MOST_KEPT = 12_000_000
 """Most numbers in the displacements of all values that are kept between scans; and in their products with groups, likewise."""
-LEAST = -1e9
+NO_GAIN = -1e9
 """Gain of a value that is left out, and of a scan in which all are."""
 REFINED, REFINEMENTS = 19, 4
 """Number of values tried around the best of the scan, and number of repetitions, each on a grid of a third of the step."""
@@ -127,7 +127,7 @@ class Scan:
         for batch in self._batches:
             cores = self._displacements(batch)[:, self._core]
             found.append(self._products(cores))
-            if cores.size * len(self.values) <= KEPT * len(batch):
+            if cores.size * len(self.values) <= MOST_KEPT * len(batch):
                 kept.append(cores)
         halves = np.hstack([part.halves for part in found])
         grams, moments = (np.concatenate([getattr(part, name) for part in found]) for name in ("grams", "moments"))
@@ -149,7 +149,7 @@ class Scan:
             }
         used = {part: self._with_groups.pop(part) for part in dict.fromkeys(parts)}
         self._with_groups |= used  # the latest last
-        while sum(part.size for part in self._with_groups.values()) > KEPT and len(self._with_groups) > len(used):
+        while sum(part.size for part in self._with_groups.values()) > MOST_KEPT and len(self._with_groups) > len(used):
             del self._with_groups[next(iter(self._with_groups))]
         return np.hstack([used[part] for part in parts]).reshape(*self._cores[1].moments.shape, -1)
 
@@ -174,13 +174,13 @@ class Scan:
         """Best value given a model.
 
         ``model``: the model to which the effect is added. ``others``: values of the same cause that the model already has:
-        values that can't be distinguished from them are left out. Where no value is left, the gain is ``LEAST`` and the
+        values that can't be distinguished from them are left out. Where no value is left, the gain is ``NO_GAIN`` and the
         value means nothing.
         """
         gains, scales = self._all_gains(model, self._resolved(self.values, others))
         top = int(np.argmax(gains))
-        if gains[top] <= LEAST:
-            return BestValue(float(self.values[top]), 0.0, LEAST, float(scales[top]))
+        if gains[top] <= NO_GAIN:
+            return BestValue(float(self.values[top]), 0.0, NO_GAIN, float(scales[top]))
         # Settings that explain as well as the best one share its evidence: the prior is spread over all that were tried.
         trials = float(np.log(len(self.values)))
         together = float(np.logaddexp.reduce(gains)) - trials
@@ -193,7 +193,7 @@ class Scan:
 
     def near(self, model: Posterior[Any], value: float, others: Sequence[float] = ()) -> BestValue:
         """Best value given a model, within about one step of the scan from ``value``; ln(number of values) is taken off its
-        gain, which is less than ``LEAST`` where no value is left.
+        gain, which is less than ``NO_GAIN`` where no value is left.
 
         ``model``, ``others``: as in :meth:`best`.
         """
@@ -208,7 +208,7 @@ class Scan:
 
         def gains_at(values: Floats) -> tuple[Floats, Floats]:
             gains, scales = self._gains_at(values, model)
-            return np.where(self._resolved(values, others), gains, LEAST), scales
+            return np.where(self._resolved(values, others), gains, NO_GAIN), scales
 
         for _ in range(REFINEMENTS):
             finer = np.linspace(near.min(), near.max(), REFINED)
@@ -234,19 +234,21 @@ class Scan:
             return ()
         trials = float(np.log(len(gains)))
         least, found = max(ALIKE * float(gains[top]), trials), list(others)
-        left = np.where((gains >= least) & _peaks(gains), gains, LEAST)
+        around = np.pad(gains, 1, constant_values=-np.inf)
+        peaks = (gains >= around[:-2]) & (gains >= around[2:])
+        left = np.where((gains >= least) & peaks, gains, NO_GAIN)
         result: list[tuple[float, float, float]] = []
-        left[top] = LEAST
+        left[top] = NO_GAIN
         found.append(float(self.values[top]))
         while True:
-            left = np.where(self._resolved(self.values, found), left, LEAST)
+            left = np.where(self._resolved(self.values, found), left, NO_GAIN)
             at = int(np.argmax(left))
             if left[at] < least:
                 return tuple(result)
             near = self.values[[max(at - 1, 0), min(at + 1, len(gains) - 1)]]
             found.append(float(self.values[at]))
             result.append((found[-1], float(np.ptp(near)), float(left[at]) - trials))
-            left[at] = LEAST
+            left[at] = NO_GAIN
 
     def _resolved(self, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:
         """(S,) which values an effect of a user's own or the catalogue distinguishes; never one that the model has already."""
@@ -254,15 +256,15 @@ class Scan:
         return np.asarray(found & ~np.isin(values, others))
 
     def _all_gains(self, model: Posterior[Any], wanted: npt.NDArray[np.bool_]) -> tuple[Floats, Floats]:
-        """(S,) gains of the values that are ``wanted``, ``LEAST`` for others and where the core gains little; and scales."""
+        """(S,) gains of the values that are ``wanted``, ``NO_GAIN`` for others and where the core gains little; and scales."""
         gains, scales = self._gains(self._cores[1], model, self._cores_across(model) if model.terms else None)
         if self._core == slice(None) or not wanted.any():
-            return np.where(wanted, gains, LEAST), scales
+            return np.where(wanted, gains, NO_GAIN), scales
         top = gains[wanted].max()
         likely = wanted & (gains >= min(LIKELY * top, top))
         likely[1:-1] |= likely[:-2] | likely[2:]
         some = np.flatnonzero(likely & wanted)
-        gains = np.full(len(gains), LEAST)
+        gains = np.full(len(gains), NO_GAIN)
         for batch in np.array_split(some, -(-len(some) // BATCH)):
             gains[batch], scales[batch] = self._gains_at(self.values[batch], model)
         return gains, scales
@@ -286,7 +288,89 @@ class Scan:
         return best_scales(grams, moments, self.effect.core, self.priors)
 
 
-def _peaks(gains: Floats) -> npt.NDArray[np.bool_]:
-    """Which gains are no less than those of both neighbours."""
-    around = np.pad(gains, 1, constant_values=-np.inf)
-    return np.asarray((gains >= around[:-2]) & (gains >= around[2:]))
+LEAST_SEEN = 1e-6
+"""Smallest whitened motion by a drive, relative to the largest, of a row that shows the drive: it avoids a division by 0."""
+
+
+@dataclass(frozen=True)
+class FittedLines:
+    """Errors of one drive at its different commands, and the lines that were fitted to them.
+
+    ``errors``, ``variance``: (n,) errors that the geometry and the other causes leave, m or rad: the mean of the visits of a
+    command; and their variance by the noise. ``lines``: for each line its (n, p) deviations of the travel less what the
+    geometry and the other causes fit of them, m or rad. ``tried``: number of periods that were tried.
+    ``effective_parameters``: effective number of the errors that the geometry and the other causes fit: this many are
+    missing in what is left.
+    """
+
+    errors: Floats
+    variance: Floats
+    lines: tuple[Floats, ...]
+    tried: int
+    effective_parameters: float = 0.0
+
+    @staticmethod
+    def of(design: Design, others: Floats, lines: Sequence[Floats], site: str, tried: int) -> FittedLines:
+        """The errors of the drive at ``site`` that the geometry and other causes leave, and the lines of its periodic error.
+
+        What the geometry and the other causes fit of the lines is subtracted. Flexible causes of the drive fit scatter, too;
+        without the subtraction, less scatter would be left, and the lines would look significant.
+
+        ``others``: (N c, m) whitened displacements of the other causes, for coefficients of one prior sigma. ``lines``: for
+        each line its own (N c, p). ``tried``: number of periods that were tried.
+        """
+        along = design.by_command[:, :, design.operating_points.robot.sites.index(site)]
+        information = np.einsum("nc,nc->n", along, along)
+        shown = information > LEAST_SEEN**2 * information.max()
+        along, information = along[shown], information[shown]
+
+        def moved(columns: Floats) -> Floats:
+            return np.asarray(np.einsum("nc,ncm->nm", along, columns.reshape(len(shown), design.components, -1)[shown]))
+
+        J, prior = design.beside(others)
+        normal = J.T @ J + np.diag(prior)
+        whole = np.column_stack([design.y, *lines])
+        left = moved(whole - J @ np.linalg.solve(normal, J.T @ whole))
+        fitted = moved(J) / np.sqrt(information)[:, None]
+        # I - H of independent errors, H the fit's hat matrix, has tr (I - H)^2 degrees of freedom; this one has H's traces.
+        hat = np.linalg.solve(normal, fitted.T @ fitted)
+        same = np.unique(design.operating_points.q[shown], axis=0, return_inverse=True)[1].ravel()
+        total = np.bincount(same, information)
+        left = np.stack([np.bincount(same, column) for column in left.T], axis=1) / total[:, None]
+        return FittedLines(
+            errors=left[:, 0],
+            variance=1.0 / total,
+            lines=tuple(np.split(left[:, 1:], len(lines), axis=1)),
+            tried=tried,
+            effective_parameters=float(2.0 * np.trace(hat) - np.einsum("ij,ji->", hat, hat)),
+        )
+
+    def chance(self) -> float:
+        """Upper bound of the probability that scatter without a period shows a line as significant as the best one.
+
+        The lines are fitted one after the other, the strongest first; what is left without the line is noise of known variance
+        and scatter of the drive, whose variance is estimated. Of n such errors, less those that other causes fit, p columns
+        take a share of the power with a beta distribution, of parameters p/2 and (n - p)/2. The best of all periods that were
+        tried takes a larger share than this with at most their number times the probability (Bonferroni). The k-th test of a
+        line has the share 1 / (k (k + 1)) of the whole probability.
+        """
+        residual, open_, least = self.errors, list(self.lines), 1.0
+        freedom = len(self.errors) - self.effective_parameters
+        for tested in range(1, len(self.lines) + 1):
+            if freedom <= 1.0:
+                break
+            scatter = max(float((residual**2).sum()) / freedom - float(self.variance.mean()), 0.0)
+            root = 1.0 / np.sqrt(self.variance + scatter)
+            whole = float(((residual * root) ** 2).sum())
+            fits = [X @ np.linalg.lstsq(X * root[:, None], residual * root, rcond=None)[0] for X in open_]
+            powers = [float((((residual - fit) * root) ** 2).sum()) for fit in fits]
+            best = int(np.argmin(powers))
+            width = open_.pop(best).shape[1]
+            if freedom <= width + 1.0 or whole == 0.0:
+                break
+            share = min(max(1.0 - powers[best] / whole, 0.0), 1.0)
+            least = min(
+                least, float(betaincc(width / 2.0, (freedom - width) / 2.0, share)) * self.tried * tested * (tested + 1)
+            )
+            residual, freedom = residual - fits[best], freedom - width
+        return least

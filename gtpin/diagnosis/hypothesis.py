@@ -1,4 +1,4 @@
-"""What can explain a gap: effects at their sites, and smooth terms that belong to no effect."""
+"""What can explain a gap: effects at their sites, smooth terms that belong to no effect, and proxies."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.displacement import Displacement
 from gtpin.effects.effect import Effect
 from gtpin.effects.operating_points import OperatingPoints
+from gtpin.effects.untestable import Untestable
 from gtpin.errors import GtpinError, ModelError
 from gtpin.robot.chain import Chain
+from gtpin.typing import Floats
 
 CLOCK = ("time", "session", "temp_frame", "temp_link")
 """Coordinates that change with time: an effect of one can look like an effect of another."""
@@ -135,7 +137,7 @@ class SmoothTerm:
 
 
 def related(robot: Chain, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm) -> bool:
-    """Whether a deviation of one explanation from its equation could look like the other explanation.
+    """Whether a deviation of one term from its equation could look like the other term.
 
     At the same place: where both depend on commands or load, or both on directions of approach or speeds, or both on
     coordinates that change with time. At different places: where both depend on coordinates that change with time, or both on
@@ -148,7 +150,7 @@ def related(robot: Chain, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm
 
 
 def same_place(robot: Chain, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm) -> bool:
-    """Whether two explanations act at one site, or one of them at a part of the other's site."""
+    """Whether two terms act at one site, or one of them at a part of the other's site."""
     return a.site == b.site or b.site in _within(robot, a.site) or a.site in _within(robot, b.site)
 
 
@@ -240,3 +242,26 @@ class Scope:
                 found = Hypothesis(effect, site)
                 if effect.id not in self.exclude and str(found) not in self.exclude:
                     yield found
+
+
+@dataclass(frozen=True, eq=False)
+class Proxy:
+    """A hypothesis with a proxy in the place of a covariate that was not recorded.
+
+    ``columns``: (N c, m) whitened displacements, computed with the proxy. ``odds``: prior odds
+    of the hypothesis relative to a testable one. ``reason``: for a hypothesis that the recorded columns can test: why it could
+    be the cause although that test does not show it. None for an untestable one.
+    """
+
+    hypothesis: Hypothesis
+    columns: Floats
+    odds: float
+    reason: Untestable | None = None
+
+
+Term = Hypothesis | SmoothTerm | Proxy
+
+
+def explained_by(term: Term) -> Hypothesis | SmoothTerm:
+    """The hypothesis of a proxy; other terms unchanged."""
+    return term.hypothesis if isinstance(term, Proxy) else term

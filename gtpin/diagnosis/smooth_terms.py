@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from gtpin.diagnosis.hypotheses.hypothesis import SmoothTerm
+from gtpin.diagnosis.hypothesis import SmoothTerm
 from gtpin.diagnosis.priors import Priors
 from gtpin.effects.chain_motions import joint_frame, lengthened, of_joint, of_tips
 from gtpin.effects.displacement import Displacement, along_track, of_lengths, rods_of
@@ -30,7 +30,6 @@ from gtpin.typing import Floats
 Terms = Iterator[tuple[SmoothTerm, Displacement]]
 Functions = Iterator[tuple[tuple[str, ...], Floats, Floats]]
 """Coordinates, functions (N, m) of them, and the functions' sizes (m,)."""
-
 CONDITIONS = ("time", "temp_frame", "temp_link", "payload")
 ORDERS = {2: 5, 3: 4}
 """Largest sum of the orders in a product of cosines of all commands, by the number of actuators; with other numbers, 1."""

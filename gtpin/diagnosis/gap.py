@@ -1,80 +1,33 @@
-"""Cross-validation: the gap on poses that were not fitted, blocks being left out in turn."""
+"""What is left: errors on poses that were not fitted, and where they lie."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, get_args
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.left_out import LeftOutBlock
 from gtpin.data import Dataset, by_region, random
-from gtpin.diagnosis.linear.design import Design
-from gtpin.errors import DatasetError, ModelError, renamed
+from gtpin.diagnosis.design import Design
+from gtpin.diagnosis.evidence import Posterior, given, marginal_power
+from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term
+from gtpin.diagnosis.result import Correlate, Gap, HoldOut, InstrumentGap, Turns, Unexplained, Where
+from gtpin.diagnosis.search import Gain, HypothesisSet
+from gtpin.diagnosis.smooth_terms import COMMON
+from gtpin.diagnosis.verdict import Conclusion
+from gtpin.distributions import chi2
+from gtpin.effects.operating_points import OperatingPoints
+from gtpin.errors import DatasetError, ModelError, unheard
+from gtpin.instruments.readings import Readings
 from gtpin.typing import Floats, Mask
 
-DRAWS = 400
+INTERVAL_DRAWS = 400
 """Number of random draws from which an interval is computed."""
-ASKED = 120
+PREDICTED_POSES = 120
 """Number of other poses of the explained fraction's interval. Assumed: a user wants to predict this many."""
-
-
-@dataclass(frozen=True)
-class Turns:
-    """Root mean square orientation errors on left-out poses, rad: before and after causes were added, and the noise floor."""
-
-    before: float
-    after: float
-    floor: float
-
-
-@dataclass(frozen=True)
-class InstrumentGap:
-    """Root mean square errors of an instrument's left-out readings, in ``unit``: without causes, with causes, and noise floor.
-
-    ``name`` and ``kind``: of the instrument. ``inferred``: the noise that the search for causes assumed.
-    """
-
-    name: str
-    kind: str
-    before: float
-    after: float
-    floor: float
-    unit: str
-    inferred: float = np.nan
-
-
-@dataclass(frozen=True)
-class Gap:
-    """Position errors on left-out poses before and after causes were added.
-
-    For readings of several instruments, errors are in units of the noise; ``by_instrument`` has them in each instrument's unit.
-
-    - ``before``, ``after``: root mean square length of the position error, m: with the geometry alone, and with the causes.
-    - ``floor``: noise floor, m: what a perfect model would leave by the noise that was declared or that repeated visits
-      show; by the inferred one where neither exists.
-    - ``explained_fraction``: 1 - (after^2 - floor^2) / (before^2 - floor^2); None where there are no causes.
-    - ``interval``: 95 % interval of it that other poses of the same kind would show, or, with ``hold_out``
-      ``session``, another session.
-    - ``hold_out``, ``blocks``: which poses were left out together, and the number of these blocks.
-    - ``sessions``: number of sessions in the data; 1 where no column tells them apart.
-    - ``turns``: errors of the orientation; None where it was not measured.
-    """
-
-    before: float
-    after: float
-    floor: float
-    explained_fraction: float | None
-    interval: tuple[float, float] | None
-    hold_out: HoldOut = "region"
-    blocks: int = 0
-    sessions: int = 1
-    turns: Turns | None = None
-    by_instrument: tuple[InstrumentGap, ...] = ()
-    inferred: float = np.nan
-    """The same by the noise that the search for causes assumed, m: it is estimated from residuals, where no cause is found."""
-    shrinkage = renamed("shrinkage", "explained_fraction")
 
 
 @dataclass(frozen=True)
@@ -183,7 +136,7 @@ def gap(
 def instrument_gaps(
     design: Design, alone: LeftOut, whole: LeftOut, floor: Floats, inferred: Floats
 ) -> tuple[InstrumentGap, ...]:
-    """Errors of each instrument's left-out readings; none for a lone tracker. ``floor``, ``inferred``: as for `gap`."""
+    """Errors of each instrument's left-out readings; none for a single tracker. ``floor``, ``inferred``: as for `gap`."""
     readings = design.measured
     if not readings.rows.names:
         return ()
@@ -230,13 +183,13 @@ def _reach(powers: Floats, explained_fraction: float) -> float:
 
 
 def _draws(alone: LeftOut, whole: LeftOut, error: float, squares: Floats, rng: np.random.Generator) -> Floats:
-    """Random draws (DRAWS,) of the explained fraction on other poses, given the covariance of what was fitted.
+    """Random draws (INTERVAL_DRAWS,) of the explained fraction on other poses, given the covariance of what was fitted.
 
     ``error``: mean squared length of the prediction error on left-out poses without noise, m^2. ``squares``: (N,) squared
     errors of the poses left out, m^2.
     """
     count = len(squares)
-    unit = rng.standard_normal((len(whole.z), DRAWS))
+    unit = rng.standard_normal((len(whole.z), INTERVAL_DRAWS))
     off = np.einsum("nik,kd->nid", whole.columns, whole.root @ unit, optimize=True)
     expected = float(((whole.columns @ whole.root) ** 2).sum() / count)
     # The rest is what the causes' equations do not describe. Only the left-out poses measure it.
@@ -244,9 +197,9 @@ def _draws(alone: LeftOut, whole: LeftOut, error: float, squares: Floats, rng: n
     spread = float(np.sqrt(2.0 / count)) * float(squares.mean())
     predicted = np.einsum("nik,k->ni", whole.columns, whole.z)
     predicted -= np.einsum("nik,k->ni", alone.columns, alone.z)
-    shares = np.empty(DRAWS)
-    for d in range(DRAWS):
-        rows = rng.integers(0, count, ASKED)
+    shares = np.empty(INTERVAL_DRAWS)
+    for d in range(INTERVAL_DRAWS):
+        rows = rng.integers(0, count, PREDICTED_POSES)
         more = max(lacking + spread * float(rng.standard_normal()), 0.0)
         after = float((off[rows, :, d] ** 2).sum(axis=1).mean()) + more
         before = float(((off[rows, :, d] + predicted[rows]) ** 2).sum(axis=1).mean()) + more
@@ -264,11 +217,9 @@ def _share(before: float, after: float, floor: float) -> float:
     return float(np.clip(1.0 - (after - floor) / power, -1.0, 1.0))
 
 
-HoldOut = Literal["region", "session", "time", "random"]
-
-TOGETHER = 4
+BLOCK_POSES = 4
 """Number of poses that are left out together, neighbours or drawn at random."""
-STRETCHES = 10
+TIME_BLOCKS = 10
 """Number of intervals of time that are left out in turn."""
 
 
@@ -303,23 +254,214 @@ def blocks_of(dataset: Dataset, hold_out: HoldOut, rng: np.random.Generator) -> 
         return _by_value(np.asarray(dataset.covariates["session"]).astype(str))
     if hold_out == "time":
         return _by_value(_stretch(np.asarray(dataset.covariates["time"], dtype=float)))
-    groups = max(2, (int(dataset.visits.max()) + 1) // TOGETHER)
+    groups = max(2, (int(dataset.visits.max()) + 1) // BLOCK_POSES)
     if hold_out == "random":
         return random(dataset, groups, int(rng.integers(2**32)))
     return by_region(dataset, groups)
-
-
-def n_sessions(dataset: Dataset) -> int:
-    """Number of different names in the column ``session``; 1 without this column."""
-    return len(set(dataset.covariates["session"])) if "session" in dataset.covariates else 1
 
 
 def _stretch(time: npt.NDArray[np.float64]) -> npt.NDArray[np.int_]:
     """(N,) index of each row's interval of time. Intervals have about equally many rows; rows of one instant stay together."""
     _, instant, count = np.unique(time, return_inverse=True, return_counts=True)
     earlier = np.cumsum(count) - count
-    return np.asarray((earlier * STRETCHES // len(time))[instant])
+    return np.asarray((earlier * TIME_BLOCKS // len(time))[instant])
 
 
 def _by_value(values: npt.NDArray[np.generic]) -> list[Mask]:
     return [values == value for value in np.unique(values)]
+
+
+Place = tuple[str, str]
+
+
+def gaps(
+    hypotheses: HypothesisSet,
+    found: Conclusion,
+    floor: Floats,
+    blocks: list[Mask],
+    rng: np.random.Generator,
+    of_blocks: bool = False,
+    inferred: Floats | None = None,
+) -> tuple[Gap, dict[Place, float]]:
+    """The gap with all causes; and, by cause, the explained fraction that is lost without it.
+
+    The parameters are those of :func:`~gtpin.diagnosis.gap.gap`.
+    """
+    design, groups = hypotheses.design, hypotheses.groups
+    columns = {c.place: groups.columns(c) * found.scale[c] for c in found.classes}
+    unseen = {c.place: as_unseen(design, c, groups.columns(c), blocks) * found.scale[c] for c in found.classes}
+
+    def of(places: Iterable[Place]) -> Gap:
+        none, places = np.zeros((len(design.y), 0)), tuple(places)
+        causes, new = (np.hstack([none, *(some[p] for p in places)]) for some in (columns, unseen))
+        return gap(
+            design, causes, floor, blocks, rng, None if np.array_equal(causes, new) else new, of_blocks, inferred
+        )
+
+    whole = of(columns)
+    shares = {place: of(p for p in columns if p != place).explained_fraction or 0.0 for place in columns}
+    return whole, {place: (whole.explained_fraction or 0.0) - share for place, share in shares.items()}
+
+
+def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[Mask]) -> Floats:
+    """Whitened displacements (N c, m) at each pose as predicted by a model that was fitted without the pose's block.
+
+    A session that is completely in one block has no fitted coefficients then: it gets the mean of the other sessions, as in
+    :func:`~gtpin.effects.smooth.session_columns`. ``columns``: (N c, m) displacements for coefficients of typical size.
+    """
+    at = design.operating_points
+    if "session" not in cause.covariates(at.robot) or not at.has("session"):
+        return columns
+    sessions = np.array([str(name) for name in at.covariates["session"]])
+    found = columns.copy()
+    for block in blocks:
+        lost = set(sessions[block]) - set(sessions[~block])
+        if not lost:
+            continue
+        rows = np.repeat(block, design.components)
+        elsewhere = columns[~rows].any(axis=0)
+        some = OperatingPoints(
+            at.kinematics,
+            at.q[block],
+            at.poses[block],
+            {name: values[block] for name, values in at.covariates.items()},
+            replace(at.references, sessions=tuple(name for name in at.references.sessions if name not in lost)),
+            at.temperature,
+            at.unusable,
+        )
+        with unheard():  # of sessions that were not fitted: here they are intended
+            basis = cause.basis(some)
+        moved = basis.displacement(some) * basis.sigma
+        seen = design.measured.take(block).change_by(moved, design.model, some.poses)
+        unseen = np.asarray(design.whitening[block] @ seen).reshape(-1, moved.shape[2])
+        if unseen.shape[1] != elsewhere.sum():
+            continue  # a user's own effect, with other coefficients than those of the sessions
+        found[rows] = 0.0
+        found[np.ix_(rows, elsewhere)] = unseen
+    return found
+
+
+def where(hypotheses: HypothesisSet, alone: Mapping[Term, Gain], blocks: list[Mask]) -> Where:
+    """Divide the gap that the geometry alone leaves into shares.
+
+    ``alone``: gain in log evidence of each term as the only one. ``blocks``: (N,) masks of the poses of each region.
+    """
+    design = hypotheses.design
+    residual = design.y - design.B @ hypotheses.groups.marginal.deviation(design.y)
+    c = design.components
+    whitened = residual.reshape(-1, c)
+    excess = whitened**2 - design.independent
+    axis = _shares(_by_reading(design.measured, excess))
+    by_pose = excess.sum(axis=1)
+    T = design.operating_points.poses.T
+    regions = _shares({str(k): float(by_pose[b].sum()) for k, b in enumerate(blocks)})
+    boxes = tuple(
+        (np.stack([T[b].min(axis=0), T[b].max(axis=0)]), regions[str(k)]) for k, b in enumerate(blocks) if b.any()
+    )
+    rods = {}
+    if design.measured.tracked:
+        rods = design.operating_points.rod_shares(
+            design.coloured(whitened), np.asarray(np.linalg.inv(design.whitening))
+        )
+    return Where(rods, _sites(alone), axis, _covariates(alone), boxes)
+
+
+def _by_reading(readings: Readings, excess: Floats) -> dict[str, float]:
+    """Power beyond noise of each instrument's components, by name, divided by the number of rows."""
+    found: dict[str, float] = {}
+    for i, one in enumerate(readings.instruments):
+        mine = readings.rows.of == i
+        for k, component in enumerate(one.components):
+            if readings.components == 1 and len(one.components) > 1:
+                power = excess[mine & (readings.rows.component == k)].sum()
+            else:
+                power = excess[mine][:, k].sum()
+            found[one.label(component)] = float(power) / len(excess)
+    return found
+
+
+def _sites(alone: Mapping[Term, Gain]) -> dict[str, float]:
+    """Shares of the largest gain at each site, by an effect or a smooth term; proxies and common motions are left out."""
+    best: dict[str, float] = {}
+    for term, gain in alone.items():
+        if isinstance(term, Proxy) or (isinstance(term, SmoothTerm) and term.motion in COMMON):
+            continue
+        best[term.site] = max(best.get(term.site, 0.0), gain.value)
+    return _shares(best)
+
+
+def _covariates(alone: Mapping[Term, Gain]) -> dict[str, float]:
+    """Largest gain of a smooth term over each coordinate, relative to the largest of all."""
+    best: dict[str, float] = {}
+    for term, gain in alone.items():
+        for coordinate in term.over if isinstance(term, SmoothTerm) else ():
+            best[coordinate] = max(best.get(coordinate, 0.0), gain.value)
+    top = max(best.values(), default=0.0)
+    return {name: (gain / top if top > 0.0 else 0.0) for name, gain in best.items()}
+
+
+def _shares(power: Mapping[str, float]) -> dict[str, float]:
+    positive = {name: max(float(value), 0.0) for name, value in power.items()}
+    total = sum(positive.values())
+    return {name: (value / total if total > 0.0 else 0.0) for name, value in positive.items()}
+
+
+MOST_CORRELATES = 5
+"""Most sites and coordinates that are reported."""
+
+
+def unexplained(hypotheses: HypothesisSet, model: Posterior[Term], unknown: bool) -> Unexplained:
+    """Chi-square of the residuals of a model, and the smooth terms that correlate with them.
+
+    ``model``: the named causes. ``unknown``: whether something unknown is assumed as well.
+    """
+    groups, design = hypotheses.groups, hypotheses.design
+    power = marginal_power(groups, model)
+    gram = np.vstack([np.zeros((0, len(model.mean))), *(groups.across(n, model.terms) for n in model.terms)])
+    effective_parameters = float(np.einsum("ij,ji->", model.covariance, gram))
+    dof = max(design.dof - effective_parameters, 1.0)
+    excess = groups.power - design.dof
+    correlates, most = dict[tuple[str, tuple[str, ...]], Correlate](), 0.0
+    gains = hypotheses.gains(model, hypotheses.smooth)
+    for smooth in sorted(gains, key=lambda s: -gains[s].value):  # p-values of several may be 0
+        if len(correlates) == MOST_CORRELATES:
+            break
+        if (smooth.site, smooth.over) in correlates:  # of several motions of a site over the same coordinates, the best
+            continue
+        own, seen = given(groups, model, smooth)
+        values, vectors = np.linalg.eigh(own)
+        kept = values > 1e-6 * max(float(values.max()), 1e-300)
+        statistic = float(((vectors.T @ seen)[kept] ** 2 / values[kept]).sum())
+        p_value = float(chi2.sf(statistic, kept.sum()))
+        if p_value < hypotheses.priors.seen:
+            most = most if correlates else gains[smooth].value
+            odds = float(np.exp((gains[smooth].value - most) / hypotheses.priors.temperature_of(most)))
+            correlates[smooth.site, smooth.over] = Correlate(smooth.site, smooth.words, p_value, smooth.motion, odds)
+    share = float(np.clip((power - dof) / excess, 0.0, 1.0)) if excess > 1e-9 else 0.0
+    best = tuple(correlates.values())
+    could_be = (*_could_be(hypotheses, model), *_untried(hypotheses, best[:1])) if unknown else ()
+    return Unexplained(share, float(chi2.sf(power, dof)), best, could_be)
+
+
+def _could_be(hypotheses: HypothesisSet, model: Posterior[Term]) -> tuple[tuple[str, str], ...]:
+    """Effect and site of untestable effects whose proxies gain nearly as much as the best smooth term, the best first."""
+    priors = hypotheses.priors
+    best = max((gain.value for gain in hypotheses.gains(model, hypotheses.smooth).values()), default=0.0)
+    gains = hypotheses.gains(model, hypotheses.proxies)
+    enough = [
+        p
+        for p in sorted(gains, key=lambda p: -gains[p].value)
+        if gains[p].value >= max(priors.accounts * best, priors.surely)
+    ]
+    taken = {term.place for term in model.terms if isinstance(term, Hypothesis)}
+    return tuple(p.hypothesis.place for p in enough if p.hypothesis.place not in taken)
+
+
+def _untried(hypotheses: HypothesisSet, best: Sequence[Correlate]) -> list[tuple[str, str]]:
+    """Effect and site of effects at the site of the ``best`` smooth term that lack a covariate and have no proxy.
+
+    Nothing in these data speaks for or against them.
+    """
+    tried, sites = {proxy.hypothesis.place for proxy in hypotheses.proxies}, {one.site for one in best}
+    untested = (u.hypothesis.place for u in hypotheses.untested if u.reason.kind in ("missing", "unusable"))
+    return [place for place in untested if place[1] in sites and place not in tried]

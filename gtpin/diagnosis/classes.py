@@ -1,0 +1,249 @@
+"""The class of a cause: every hypothesis, or two together, that could be the cause in its place, with its probability."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from math import exp, sqrt
+
+import numpy as np
+
+from gtpin.diagnosis.evidence import Posterior, without
+from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
+from gtpin.diagnosis.priors import CLASS_SHARE
+from gtpin.diagnosis.search import Gain, HypothesisSet, causes, with_lines
+
+
+@dataclass(frozen=True)
+class ClassMember:
+    """A hypothesis that could be the cause, with its probability.
+
+    ``hypothesis``, ``probability``: the hypothesis, and how probable it is. ``recorded``: false where only a proxy shows it.
+    ``beside``: another hypothesis, where only both together could be in the place of the cause.
+    """
+
+    hypothesis: Hypothesis
+    probability: float
+    recorded: bool = True
+    beside: Hypothesis | None = None
+
+
+def class_of(
+    hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis, unlisted: bool = False
+) -> tuple[ClassMember, ...]:
+    """The class of a cause, the most probable member first. Smooth terms share the probability but are not members.
+
+    ``unlisted``: as for :func:`ranked`.
+    """
+    found = ranked(hypotheses, model, cause, unlisted).named
+    least = CLASS_SHARE * found[0].probability
+    return tuple(m for m in found if m.probability >= least or m.hypothesis.place == cause.place)
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Everything that could be in the place of a cause, the most probable first.
+
+    ``named``: every hypothesis with its probability. ``smooth``: smooth terms with the probability of each if it were the only
+    one. ``temperature``: the temperature by which gains in log evidence were divided.
+    """
+
+    named: tuple[ClassMember, ...]
+    smooth: tuple[tuple[SmoothTerm, float], ...]
+    temperature: float
+
+
+def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis, unlisted: bool = False) -> Ranking:
+    """Everything that could be in the place of a cause, with its probability.
+
+    With the gain g_h in log evidence of each hypothesis h in the place of the cause, and the temperature T,
+
+        p_h = o_h exp(g_h / T) / (sum of o_h exp(g_h / T) over all h, + exp(g_s / T)),
+
+    where o_h are prior odds relative to the cause, and g_s is the largest gain of a smooth term, less what is against it.
+
+    A hypothesis that only a proxy shows is at most as probable as the most probable one that recorded covariates show.
+    ``unlisted``: whether something acts that no effect describes. Then nothing is against the smooth terms that compete.
+    """
+    rest = without(hypotheses.groups, model, cause, sweeps=1)
+    gains = _gains(hypotheses, model, rest, cause)
+    mine, priors = cause.template, hypotheses.priors
+    temperature = priors.temperature_of(gains[mine].value)
+
+    # Costs differ because a hypothesis at the site of a stronger cause may be that cause's departure from its equation. It may
+    # be so; where it explains as much as the cause, it stays in the class.
+    costs = {h: sum(hypotheses.costs((*rest.terms, h)).values()) for h in gains}
+    log_odds = {
+        h: gain.value / temperature - min((costs[h] - costs[mine]) / temperature, priors.imitation)
+        for h, gain in gains.items()
+    }
+    likeliest, by_proxy = max(log_odds.values()), set()
+    for proxy, gain in hypotheses.gains(rest, hypotheses.proxies).items():
+        value = gain.value / temperature + float(np.log(proxy.odds))
+        if value > log_odds.get(proxy.hypothesis, -np.inf):
+            log_odds[proxy.hypothesis] = min(value, likeliest)
+            by_proxy.add(proxy.hypothesis)
+    smooth = _smooth_log_odds(hypotheses, rest, cause, gains[mine].value, log_odds[mine], unlisted)
+
+    top = max([*log_odds.values(), *smooth.values()])  # large numbers would round their sum
+    weight = {h: float(np.exp(value - top)) for h, value in log_odds.items()}
+    of_smooth = {term: float(np.exp(value - top)) for term, value in smooth.items()}
+    whole = sum(weight.values()) + max(of_smooth.values(), default=0.0)
+    found = {h: gain.term if isinstance(gain.term, Hypothesis) else h for h, gain in gains.items()} | {mine: cause}
+    named = [ClassMember(found.get(h, h), w / whole, h not in by_proxy) for h, w in weight.items()]
+    shares = sorted(((term, w / whole) for term, w in of_smooth.items()), key=lambda share: -share[1])
+    return Ranking(_ordered(named, cause), tuple(shares), temperature)
+
+
+def _gains(
+    hypotheses: HypothesisSet, model: Posterior[Term], rest: Posterior[Term], cause: Hypothesis
+) -> dict[Hypothesis, Gain]:
+    """Gain of each hypothesis in the place of a cause: ``rest`` is the model without it.
+
+    A cause with several lines counts with all of them, and so do the other periodic errors at its site whose first line exceeds
+    its prior odds. If these have lines, all scales are estimated, as for them.
+    """
+    gains, others = hypotheses.gains(rest, hypotheses.named), dict[Hypothesis, Gain]()
+    line = hypotheses.priors.line
+    for hypothesis, gain in gains.items() if hypotheses.long else ():
+        if hypothesis.effect.most_values < 2 or hypothesis.site != cause.site or hypothesis == cause.template:
+            continue
+        if gain.value > hypotheses.cost(hypothesis) and isinstance(gain.term, Hypothesis):
+            larger = with_lines(hypotheses, rest, gain.term)
+            term = next(t for t in causes(larger) if t.place == hypothesis.place)
+            value = larger.log_evidence - rest.log_evidence - line * len(term.further)
+            others[hypothesis] = Gain(max(value, gain.value), term)
+    if cause.further or others:
+        gained = model.log_evidence - rest.log_evidence - line * len(cause.further)
+        gains[cause.template] = Gain(max(gains[cause.template].value, gained), cause)
+    return gains | others
+
+
+def _smooth_log_odds(
+    hypotheses: HypothesisSet,
+    rest: Posterior[Term],
+    cause: Hypothesis,
+    gained: float,
+    log_odds: float,
+    unlisted: bool,
+) -> dict[SmoothTerm, float]:
+    """Log odds of each smooth term that competes with a cause, whose gain is ``gained``, nats, and whose log odds are given.
+
+    Several lines can follow any smooth function, so nothing is added for a departure of the cause from its equation. An effect
+    of exactly time, or exactly session, has no form of its own: another part can move with it as well. Both have the same
+    functions and differ in the part that moves, so only the square root of the temperature divides the difference.
+    """
+    priors, robot = hypotheses.priors, hypotheses.design.operating_points.robot
+    temperature, drivers = priors.temperature_of(gained), cause.drivers(robot)
+    clock = drivers if drivers in ({"time"}, {"session"}) else None
+    found = {}
+    for term, gain in hypotheses.gains(rest, unnamed(hypotheses, cause)).items():
+        same_clock = frozenset(term.over) == clock
+        if same_clock and cause.site == "frame" and not robot.constraints and term.site == robot.sites[0]:
+            continue  # an arm's base moves as the frame does: one cause
+        if same_clock:
+            found[term] = log_odds + (gain.value - gained) / sqrt(temperature) - priors.same_clock
+            continue
+        departure = 0.0 if hypotheses.modulates(term, (cause,)) else priors.departure * max(gained, 0.0)
+        found[term] = (gain.value - (0.0 if unlisted else priors.unnamed + departure)) / temperature
+    return found
+
+
+def unnamed(hypotheses: HypothesisSet, cause: Hypothesis) -> list[SmoothTerm]:
+    """Smooth terms that compete with a cause: those that are not only a modulation of it.
+
+    For a cause with several lines, which can follow any smooth function: also not those that are only a modulation of another
+    effect at the same drive, because that effect competes itself.
+    """
+    known: tuple[Hypothesis, ...] = (cause,)
+    if cause.further:
+        known = tuple(h for h in hypotheses.linear if h.site == cause.site)
+    return [s for s in hypotheses.smooth if not hypotheses.modulates(s, known)]
+
+
+Classes = Mapping[Hypothesis, tuple[ClassMember, ...]]
+FIRSTS = 4
+"""Number of hypotheses that are tried as the first of the two. Assumed: the computing time is proportional to it."""
+LEAST_SHARE = 0.5
+"""Smallest gain of the first of the two, as a share of the cause's own. Assumed: of two that together explain as much as one
+cause, the larger explains at least half of it."""
+
+
+def with_two_instead(hypotheses: HypothesisSet, model: Posterior[Term], classes: Classes) -> Classes:
+    """The classes with two hypotheses in the place of one cause, and of two causes at once, where they are probable enough.
+
+    Two that could together be in the place of one cause have each half of the probability of both, so that the probabilities
+    of a class sum to at most 1. Of two others in the place of two causes, each is added to the class of the cause whose place
+    it takes, with the probability of both: classes in which one cause is exchanged at a time do not show them. Needed by pairs
+    of causes of the simulator, beside which a third effect was certain without this rule.
+    """
+    if hypotheses.long:
+        return classes
+    found = dict(classes)
+    for cause, members in classes.items():
+        rest = without(hypotheses.groups, model, cause, sweeps=1)
+        own = model.log_evidence - rest.log_evidence
+        best = _best_two(hypotheses, rest, (cause,), LEAST_SHARE * own)
+        if best is None:
+            continue
+        odds, leader = _odds_of_two(hypotheses, best[0], model, own), _own_probability(members, cause)
+        whole = 1.0 + odds * leader
+        each = odds * leader / whole / 2.0
+        if each < CLASS_SHARE * max(m.probability for m in members) / whole:
+            continue
+        known = {m.hypothesis.place: replace(m, probability=m.probability / whole) for m in members}
+        for hypothesis, other in (best[1], best[1][::-1]):
+            alone = known.get(hypothesis.place, ClassMember(hypothesis, 0.0, beside=other))
+            known[hypothesis.place] = replace(alone, probability=alone.probability + each)
+        found[cause] = _ordered(known.values(), cause)
+    for pair in combinations(causes(model), 2):
+        rest = without(hypotheses.groups, without(hypotheses.groups, model, pair[0]), pair[1], sweeps=1)
+        own = model.log_evidence - rest.log_evidence
+        best = _best_two(hypotheses, rest, pair, LEAST_SHARE * own / 2.0)
+        odds = 0.0 if best is None else _odds_of_two(hypotheses, best[0], model, own)
+        for cause, other in zip(pair, best[1] if best else (), strict=False):
+            members = found[cause]
+            if odds < CLASS_SHARE or any(m.hypothesis.place == other.place for m in members):
+                continue
+            leader = _own_probability(members, cause)
+            whole = 1.0 + odds * leader
+            kept = [replace(m, probability=m.probability / whole) for m in members]
+            found[cause] = _ordered([*kept, ClassMember(other, odds * leader / whole)], cause)
+    return found
+
+
+def _own_probability(members: Iterable[ClassMember], cause: Hypothesis) -> float:
+    return next(m.probability for m in members if m.hypothesis.place == cause.place)
+
+
+def _ordered(members: Iterable[ClassMember], cause: Hypothesis) -> tuple[ClassMember, ...]:
+    """Members by probability, the largest first; of equal ones the cause."""
+    return tuple(sorted(members, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
+
+
+def _odds_of_two(hypotheses: HypothesisSet, other: Posterior[Term], model: Posterior[Term], own: float) -> float:
+    """Odds, at most 1, of ``other`` over ``model``. ``own``: gain, nats, in ``model`` of the causes that ``other`` replaces."""
+    ahead = hypotheses.log_posterior(other) - hypotheses.log_posterior(model)
+    return exp(min(ahead / hypotheses.priors.temperature_of(own), 0.0))
+
+
+def _best_two(
+    hypotheses: HypothesisSet, rest: Posterior[Term], out: Sequence[Hypothesis], least: float
+) -> tuple[Posterior[Term], tuple[Hypothesis, Hypothesis]] | None:
+    """The model of largest log posterior with two hypotheses beside ``rest``, and these two.
+
+    Neither is one of ``out``, and the first gains at least ``least``, nats.
+    """
+    scanned, places = set(hypotheses.scanned), {h.place for h in out}
+    plain = [h for h in hypotheses.named if h not in scanned and h.place not in places]
+    gains = hypotheses.gains(rest, plain)
+    firsts = sorted((h for h in gains if gains[h].value >= least), key=lambda h: -gains[h].value)[:FIRSTS]
+    found: list[tuple[Posterior[Term], tuple[Hypothesis, Hypothesis]]] = []
+    for first in firsts:
+        one = hypotheses.extended(rest, first)
+        more: dict[Hypothesis, Gain] = hypotheses.net_gains(one, [h for h in plain if h != first])
+        if more:
+            second = max(more, key=lambda h: more[h].value)
+            found.append((hypotheses.extended(one, second), (first, second)))
+    return max(found, key=lambda pair: hypotheses.log_posterior(pair[0]), default=None)

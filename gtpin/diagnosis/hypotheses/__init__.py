@@ -1,1 +1,0 @@
-"""The hypothesis set of a diagnosis: effects at sites, smooth nonparametric terms, proxies for missing covariates."""

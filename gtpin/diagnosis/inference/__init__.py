@@ -1,1 +1,0 @@
-"""From evidence to a verdict: search, classes, verdict, joint fit, noise."""

@@ -1,1 +1,0 @@
-"""Proposals of what to measure next."""
