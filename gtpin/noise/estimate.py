@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize
 
 from gtpin.distributions import chi2
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
@@ -80,6 +79,8 @@ def likeliest(
 
 def _climbed(cost: Callable[[Floats], float], start: Floats, bounds: list[tuple[float, float]]) -> Floats:
     """The x of smallest cost that is found from a start; the search is repeated from where it stopped while it gains."""
+    from scipy.optimize import minimize
+
     found = minimize(cost, start, bounds=bounds, method="L-BFGS-B")
     for _ in range(RESTARTS):
         again = minimize(cost, found.x, bounds=bounds, method="L-BFGS-B")
@@ -92,6 +93,8 @@ def _climbed(cost: Callable[[Floats], float], start: Floats, bounds: list[tuple[
 
 def _exactly(cost: Callable[[Floats], float], near: Floats, bounds: list[tuple[float, float]]) -> Floats:
     """The minimum next to ``near``, with central differences: evidence depends on the sigmas, and rounding must not show."""
+    from scipy.optimize import minimize
+
     found = minimize(cost, near, bounds=bounds, method="L-BFGS-B", jac="3-point", options={"ftol": 0.0, "gtol": EXACT})
     return np.asarray(found.x, dtype=np.float64)
 

@@ -14,7 +14,6 @@ from importlib.metadata import version
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from gtpin.report.embedded import Plot, PlotChoice, Shared, escaped, key_of
@@ -22,6 +21,7 @@ from gtpin.report.figure import DARK, INK, LIGHT, LINE, Drawing, alone, has_plot
 from gtpin.report.words import typeset
 
 if TYPE_CHECKING:
+    from jinja2 import Environment
     from plotly.graph_objects import Figure
     from rich.table import Table as Printed
 
@@ -238,6 +238,8 @@ def plotly_js(kinds: frozenset[str]) -> Markup | None:
 
 @cache
 def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
     found = Environment(
         loader=PackageLoader("gtpin.report"),
         autoescape=True,

@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 from scipy.special import logsumexp
 
 from gtpin.data import Dataset
@@ -206,6 +205,8 @@ def drive_errors(hypotheses: HypothesisSet, model: Explanation, noise: ReadingNo
 
 def two_values(errors: Floats, variance: Floats) -> float:
     """Gain in log likelihood by two values instead of one, for errors (N,) with known variances (N,) and unknown scatter."""
+    from scipy.optimize import minimize_scalar
+
     mean = np.average(errors, weights=1.0 / variance)
     spread = max(float(np.sqrt(np.average((errors - mean) ** 2, weights=1.0 / variance))), 1e-300)
     e, v = (errors - mean) / spread, variance / spread**2

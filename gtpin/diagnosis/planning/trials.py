@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from gtpin.diagnosis.linear.design import Design, Observed
 from gtpin.diagnosis.planning.measurement_conditions import MeasurementConditions, draw
@@ -83,6 +82,8 @@ def possible(known: Known, words: Collection[str], count: int, rng: np.random.Ge
     ``words``, ``effort``: covariates to vary; see :func:`~gtpin.diagnosis.planning.measurement_conditions.draw`. ``count``:
     number of rows before those that can't be reached are left out.
     """
+    from scipy.spatial import cKDTree
+
     observed, model, before = known.observed, known.model, known.operating_points
     measured = observed.measured
     again = rng.choice(len(measured.q), min(count // 2, len(measured.q)), replace=False)
