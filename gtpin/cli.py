@@ -77,11 +77,8 @@ def _end_at_once(number: int, frame: FrameType | None) -> None:
 def _run(app: typer.Typer) -> int:
     import typer
 
-    from gtpin.threads import one_thread
-
     try:
-        with one_thread():
-            code = app(standalone_mode=False) or 0
+        code = app(standalone_mode=False) or 0
         if code == INTERRUPTED:  # typer turns the exception into this code
             raise KeyboardInterrupt
         return int(code)

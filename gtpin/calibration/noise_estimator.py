@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from gtpin.calibration.fit_state import LACK_OF_FIT
 from gtpin.calibration.gauss_newton import Fit
@@ -229,6 +228,8 @@ def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:
 
 def _neighbours(q: Floats) -> list[Floats]:
     """(n, N, N) weights of pairs of poses for each drive, for two kinds of neighbours: near in all commands, or in its own."""
+    from scipy.spatial.distance import cdist
+
     # A weight is a Gaussian of the distance, with the median distance of a pose to its nearest neighbour as standard deviation.
     unit = q / np.maximum(np.std(q, axis=0), 1e-12)
     apart = cdist(unit, unit)

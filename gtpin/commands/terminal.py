@@ -20,6 +20,7 @@ from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
 from gtpin.errors import GtpinError
 from gtpin.output.results import json_text
+from gtpin.threads import one_thread
 
 
 def _output_path(text: str) -> Path:
@@ -110,6 +111,11 @@ class Command(TyperCommand):
                 option.hidden = False
             args = ["--help"]
         return list(super().parse_args(ctx, args))
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command, its linear algebra in one thread."""
+        with one_thread():
+            return super().invoke(ctx)
 
 
 def read_dataset(folder: Path, tcp: str | None = None, *, trust: bool = False) -> Dataset:

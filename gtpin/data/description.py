@@ -64,7 +64,7 @@ class Driver:
 class TomlSection(BaseModel):
     """A part of a dataset.toml: unknown keys are errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
 
 
 _ABOVE = "above 0; leave it out to have the noise estimated"

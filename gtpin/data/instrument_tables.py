@@ -60,7 +60,7 @@ class InstrumentTable(BaseModel):
     0.01
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
 
     numbers: ClassVar[tuple[str, ...]] = ()
     """Columns of numbers that the table must have."""
@@ -150,7 +150,7 @@ class RangeTable(InstrumentTable):
 class PlaneOf(BaseModel):
     """A plane: a point on it, m, and its normal, base frame."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
 
     point: Point
     normal: Point
@@ -244,7 +244,7 @@ class EncoderTable(InstrumentTable):
 class AnyTable(InstrumentTable):
     """The table of an unknown kind of instrument, such as one of the user's own."""
 
-    model_config = ConfigDict(extra="allow", frozen=True)
+    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
 
 TABLES: dict[str, type[InstrumentTable]] = {

@@ -10,7 +10,6 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from gtpin.diagnosis.design import Design, Observed
 from gtpin.diagnosis.priors import PRIORS
@@ -312,6 +311,8 @@ def possible(known: Known, words: Collection[str], count: int, rng: np.random.Ge
     ``words``, ``effort``: covariates to vary; see :func:`~gtpin.diagnosis.trials.draw`. ``count``:
     number of rows before those that can't be reached are left out.
     """
+    from scipy.spatial import cKDTree
+
     observed, model, before = known.observed, known.model, known.operating_points
     measured = observed.measured
     again = rng.choice(len(measured.q), min(count // 2, len(measured.q)), replace=False)

@@ -40,7 +40,7 @@ class Record(BaseModel):
     Keys in ``optional`` are written only where they have a value.
     """
 
-    model_config = ConfigDict(extra="forbid", strict=True, populate_by_name=True)
+    model_config = ConfigDict(extra="forbid", strict=True, populate_by_name=True, defer_build=True)
     optional: ClassVar[tuple[str, ...]] = ()
 
     @model_serializer(mode="wrap")

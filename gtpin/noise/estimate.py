@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize
 
 from gtpin.distributions import chi2
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
@@ -88,6 +87,8 @@ def likeliest(
     def climbed(start: Floats, most: Floats, gain: float = SETTLED) -> tuple[float, Floats]:
         """Minus the likelihood's logarithm at its maximum next to a start, and x there; it stops at a smaller relative gain."""
         options, bounds = {"ftol": gain, "gtol": EXACT}, np.column_stack([np.minimum(least, most), most])
+        from scipy.optimize import minimize
+
         found = minimize(cost, start, jac=True, bounds=bounds, method="L-BFGS-B", options=options)
         return float(found.fun), np.asarray(found.x, dtype=np.float64)
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize_scalar
 
 from gtpin.kinematics.poses import chunks
 from gtpin.typing import Floats, Indices, Mask
@@ -172,6 +171,8 @@ def range_ratio(sight: Floats, reach: Floats, residual: Floats) -> float:
     Only the ratio is estimated, on which an unmodelled effect has little influence. ``sight`` (N, 3) and ``reach`` (N,) as in
     :class:`~gtpin.noise.reading_noise.ReadingNoise`.
     """
+
+    from scipy.optimize import minimize_scalar
 
     def cost(log_ratio: float) -> float:
         shape = sight_shape(sight, reach, float(np.exp(log_ratio)))

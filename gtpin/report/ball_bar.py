@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from gtpin.instruments.range import Range
 from gtpin.report.residuals import Residuals
@@ -193,6 +192,8 @@ def centred(flat: Floats, height: float, measured: Floats, start: Floats) -> Flo
     ``flat``, ``height``: (N, 2) the commanded path p along the axes of its plane, and the plane's height over the station,
     m. ``start``: (2,) first guess of s.
     """
+
+    from scipy.optimize import least_squares
 
     def less_distance(s: Floats) -> Floats:
         beyond = measured - np.sqrt(((flat - s) ** 2).sum(axis=1) + height**2)

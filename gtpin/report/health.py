@@ -5,10 +5,9 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from rich.console import Group, RenderableType
 
 from gtpin.diagnosis.result import Cause, Considered, HealthCheck, Member, Smallest
@@ -34,6 +33,9 @@ from gtpin.report.sketch import drawing
 from gtpin.report.verdict import TONES, gap_words
 from gtpin.report.words import chance, counted, joined, percent, quantity, site_words, whole
 from gtpin.threads import in_one_thread
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 NEVER = (
     "This model was never identified: its geometry was fitted to these poses within its tolerances, and errors are those that "
@@ -77,6 +79,8 @@ class HealthCheckPresentation(Presentation):
 
     def table(self) -> pd.DataFrame:
         """By effect and site: evidence, probability, and the smallest change that the poses show."""
+        import pandas as pd
+
         smallest = {(s.effect, s.site): s for s in self.check.smallest}
         rows = []
         for c in self.check.candidates:

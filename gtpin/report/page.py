@@ -15,7 +15,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, Group, RenderableType
@@ -27,6 +26,7 @@ from gtpin.report.figure import DARK, INK, LIGHT, LINE, Drawing, alone, has_plot
 from gtpin.report.words import typeset
 
 if TYPE_CHECKING:
+    from jinja2 import Environment
     from plotly.graph_objects import Figure
 
 WIDTH = 120
@@ -328,6 +328,8 @@ def plotly_js(kinds: frozenset[str]) -> Markup | None:
 
 @cache
 def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
     found = Environment(
         loader=PackageLoader("gtpin.report"),
         autoescape=True,

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 from rich.console import Group, RenderableType
 
 from gtpin.output.shown import Presentation
@@ -14,6 +13,9 @@ from gtpin.report.page import Table
 from gtpin.report.phrases import known_as
 from gtpin.report.residuals import columns_of
 from gtpin.report.words import counted, length, percent, quantity
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SHOWN = 12
 """Largest number of effects in the table of a plan for discrimination."""
@@ -31,6 +33,8 @@ class PosePlanPresentation(Presentation):
 
     def text(self) -> str:
         """The sentences, and the numbers of all changes or effects that the poses can show."""
+        import pandas as pd
+
         rows = [*map(asdict, self.plan.smallest), *map(asdict, self.plan.told)]
         table = [pd.DataFrame(rows).to_string(index=False)] if rows else []
         return "\n".join([*self.words(), *table]) + "\n"
@@ -52,6 +56,8 @@ class PosePlanPresentation(Presentation):
 
     def table(self) -> pd.DataFrame:
         """The commands, with the conditions to set."""
+        import pandas as pd
+
         commands = self.plan.commands
         return pd.DataFrame({"pose": commands.pose, **columns_of(commands)}).set_index("pose")
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from scipy.optimize import least_squares
 
 from gtpin.robot.constrained_model import ConstrainedModel, joint_axis, joint_jacobian
 from gtpin.robot.constraints import gaps, gaps_jacobian, is_determined, undetermined
@@ -159,6 +158,8 @@ def closest(robot: ConstrainedModel, configuration: Floats, tolerance: float = 1
 
     ``tolerance``: relative change of the gaps and of the passive coordinates at which the search ends.
     """
+    from scipy.optimize import least_squares
+
     if not robot.n_passive:
         return configuration, _largest_gap(robot, configuration)
     every = np.ones(robot.n_passive, dtype=bool)
@@ -288,6 +289,8 @@ def home_attributes(
 
 def _at_declared_home(robot: ConstrainedModel, start: Floats) -> Floats:
     """Configuration whose loops are nearly closed with the platform at, or near, the pose of ``<home>``."""
+    from scipy.optimize import least_squares
+
     free = np.arange(robot.model.nv)[robot.passive]
     turned = np.ones(free.size, dtype=bool)
     platform = robot.model.joints[robot.home_joint]

@@ -15,7 +15,7 @@ import typer
 
 import gtpin
 import gtpin.cli
-from gtpin.commands.registry import LazyCommand
+from gtpin.commands.registry import OWN, LazyCommand
 
 COMMANDS = ("calibrate", "diagnose", "predict", "simulate", "demo")
 
@@ -97,6 +97,38 @@ def started(*arguments: object, start: int = 0, **more) -> subprocess.Popen:
 
 def _heeding_signals() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+LONG = ("numpy", "scipy", "pinocchio", "pandas", "pydantic", "jinja2", "matplotlib", "plotly")
+"""Libraries whose import takes longer than the help."""
+
+
+def loaded(code: str) -> set[str]:
+    """The modules that a program of its own has loaded at its end."""
+    environment = {**os.environ, "PYTHONPATH": str(Path(gtpin.__file__).parents[1])}
+    code = f"import sys\ntry:\n    {code}\nfinally:\n    print('loaded', *sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
+    return set(done.stdout.splitlines()[-1].split())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [["--help"], ["--version"], ["lab"], ["unknown"]], ids=" ".join)
+def test_help_and_version_import_no_command_and_nothing_that_takes_long(words):
+    modules = loaded(f"sys.argv = ['gtpin', *{words}]; from gtpin.cli import main; main()")
+    assert "gtpin.commands.registry" in modules
+    assert not modules.intersection(
+        {*LONG, "gtpin.commands.terminal", "gtpin.commands.diagnose", "gtpin.bench.simulator"}
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("entry", OWN, ids=lambda entry: entry.name)
+def test_a_command_imports_only_what_it_needs(entry):
+    """The report's templates, tables and plots are loaded when they are made, and nothing of extras or bench is."""
+    modules = loaded(f"import {entry.function.partition(':')[0]}")
+    assert entry.function.partition(":")[0] in modules
+    unneeded = {"pandas", "pyarrow", "scipy.stats", "scipy.optimize", "jinja2", "matplotlib", "plotly", "joblib"}
+    assert not modules & {*unneeded, "gtpin.extras", "gtpin.bench"}
 
 
 @pytest.mark.slow

@@ -6,10 +6,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from rich.console import Group, RenderableType
 
 from gtpin.extras.certificate.budget import COVERAGE, Budget, Contribution
@@ -23,6 +22,9 @@ from gtpin.report.page import Block, Heading, Items, Lead, Section, Table, repor
 from gtpin.report.provenance import digest, provenance
 from gtpin.report.words import counted, joined, percent, quantity, whole
 from gtpin.typing import Floats
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 MODEL = "model/model.json"
@@ -69,6 +71,8 @@ class CertificatePresentation(Presentation):
 
     def table(self) -> pd.DataFrame:
         """By symbol and site: value, standard uncertainty, unit, numbers of poses and rows, and why it is blank."""
+        import pandas as pd
+
         return pd.DataFrame([_row(q) for q in self.certificate.quantities]).set_index(["symbol", "site"])
 
     def write(self, folder: Path) -> dict[str, object]:

@@ -29,7 +29,7 @@ def refuse_readings(dataset: Dataset) -> None:
 class HistoryPart(BaseModel):
     """The base class of the parts of a line. Unknown keys, and text in place of numbers, are errors."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, populate_by_name=True, frozen=True)
+    model_config = ConfigDict(extra="forbid", strict=True, populate_by_name=True, frozen=True, defer_build=True)
 
 
 class Changed(HistoryPart):
