@@ -32,7 +32,9 @@ def parameters(r: Reported) -> Section:
             "Where the pose of the instrument is unknown, the rigid motion that it absorbs is subtracted."
         )
         content = [words, Fold(f"All {len(found)} departures", [all_departures(found)])]
-    content += controller_blocks(model) or zero_blocks(c)
+    # What is not explained moves the parameters by more than their sigmas.
+    explained = c.explained if d is None else d.verdict != "unknown"
+    content += zero_blocks(c) if model.robot.rods else controller_blocks(model) if explained else []
     words = "Variance reduction: 1 − (sigma / tolerance)²; at 0 % the data give no information beyond the tolerance."
     every = parameter_table(c, model if d is not None and d.causes else None)
     content += [Heading("Parameters of the fit"), words, Fold(f"All {len(every.rows)} parameters", [every])]
