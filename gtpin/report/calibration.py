@@ -14,7 +14,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.model.departures import departures
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
-from gtpin.report.calibration_text import cannot_judge, error_of, scatters, unseen_words
+from gtpin.report.calibration_text import cannot_judge, error_of, lost, scatters, unseen_words
 from gtpin.report.geometry import geometry_line, geometry_table
 from gtpin.report.page import Lead, Table
 from gtpin.report.provenance import provenance
@@ -107,21 +107,22 @@ class CalibrationPresentation(FitPresentation):
 
 def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
     """Tone, badge, headline and advice."""
-    for one in c.by_instrument:
-        # Errors at poses that were fitted say nothing of other poses.
-        if one.left_out > one.before:
-            before, out = (quantity(value, one.unit) for value in (one.before, one.left_out))
-            headline = (
-                f"These poses are too few for {len(c.names)} parameters: at poses left out of the fit, the {error_of(one)} is "
-                f"{out}, and {before} with the nominal geometry."
-            )
-            return "bad", "too few poses", headline, []
     if not c.explained:
         headline = (
             f"Geometry alone does not explain these data: the mean residuals of the poses are {c.sigma_scale:.2f} times their "
             "noise."
         )
-        return "warn", "not all explained", headline, ["The sigmas are multiplied by this ratio."]
+        advice = [
+            "The sigmas are multiplied by this ratio. Effects can change the parameters by more: gtpin diagnose finds them."
+        ]
+        return "warn", "not all explained", headline, advice
+    for one in lost(c):
+        before, out = (quantity(value, one.unit) for value in (one.before, one.left_out))
+        headline = (
+            f"These poses are too few for {len(c.names)} parameters: at poses left out of the fit, the {error_of(one)} is "
+            f"{out}, and {before} with the nominal geometry."
+        )
+        return "bad", "too few poses", headline, []
     if why := cannot_judge(c):
         headline = "Whether the geometry explains these data can't be judged: their noise is not known."
         return "accent", "fit not judged", headline, [f"Declare the sigmas. Of chi-square: {why}."]

@@ -9,6 +9,7 @@ import numpy as np
 from gtpin.calibration.observability import Remedy
 from gtpin.calibration.result import Calibration, InstrumentFit
 from gtpin.data.read_instruments import SIGMAS
+from gtpin.diagnosis.priors import PRIORS
 from gtpin.report.words import joined, length, quantity
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
@@ -36,6 +37,11 @@ direction, for which the sentence names this growth or this parameter alone. Ass
 def error_of(one: InstrumentFit) -> str:
     """What an error is of, in words: of a tracker's poses where nothing else was measured, else of the instrument."""
     return f"error of {one.name}" if one.name else {"m": "position error", "rad": "orientation error"}[one.unit]
+
+
+def lost(c: Calibration) -> list[InstrumentFit]:
+    """The errors that the calibrated geometry makes larger at poses left out of the fit, and larger than noise."""
+    return [one for one in c.by_instrument if one.left_out > max(one.before, PRIORS.silent * one.floor)]
 
 
 def nominal_words(c: Calibration) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+from abc import abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -243,15 +244,27 @@ def in_terminal(content: Iterable[Block]) -> Iterator[RenderableType]:
 
 
 class PagePresentation(Presentation):
-    """A result with a page, which its texts are made from too.
+    """A result with a page, which its texts are made from too."""
 
-    ``title``: that of the page in a browser. ``sections``: what follows the first screen. ``origin``: versions and digests.
-    """
+    @property
+    @abstractmethod
+    def title(self) -> str:
+        """The title of the page in a browser."""
 
-    title: str
-    lead: Lead
-    sections: Sequence[Section]
-    origin: Table
+    @property
+    @abstractmethod
+    def lead(self) -> Lead:
+        """The first screen."""
+
+    @property
+    @abstractmethod
+    def sections(self) -> Sequence[Section]:
+        """What follows the first screen."""
+
+    @property
+    @abstractmethod
+    def origin(self) -> Table:
+        """Versions, and digests of what was read."""
 
     def short(self) -> str:
         """The result in a few lines."""

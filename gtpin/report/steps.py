@@ -7,6 +7,7 @@ from gtpin.compensation.correctable import correctable
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.model.dh import chain_of
 from gtpin.model.model import Model
+from gtpin.report.calibration_text import lost
 from gtpin.report.page import Step
 from gtpin.report.phrases import SURE, named
 from gtpin.report.verdict import too_few
@@ -23,7 +24,7 @@ def steps(d: Diagnosis) -> list[Step]:
     """What to do after a diagnosis."""
     if too_few(d):
         return [MEASURE]
-    found = geometry_steps(d.model)
+    found = geometry_steps(d.model, d.verdict != "unknown")
     if kept := sure_corrections(d):
         what = f"Tables that correct {joined(kept)}, for a controller that has the calibrated geometry:"
         found.append(Step(what, "gtpin export DIR -o corrections.csv"))
@@ -42,16 +43,16 @@ def steps(d: Diagnosis) -> list[Step]:
 
 def calibration_steps(c: Calibration) -> list[Step]:
     """What to do after a calibration."""
-    if any(one.left_out > one.before for one in c.by_instrument):
+    if c.explained and lost(c):
         return [MEASURE]
     cause = Step("The causes of the errors that are left:", "gtpin diagnose DATASET -o diagnosis")
-    return geometry_steps(c.model) if c.explained else [cause, *geometry_steps(c.model)]
+    return [*([] if c.explained else [cause]), *geometry_steps(c.model, c.explained)]
 
 
-def geometry_steps(model: Model) -> list[Step]:
-    """The commands that write a calibrated geometry."""
+def geometry_steps(model: Model, explained: bool) -> list[Step]:
+    """The commands that write a calibrated geometry; its parameters are only right where it explains the data."""
     found = [Step("The calibrated geometry for other programs:", "gtpin export DIR -o corrected.urdf")]
-    if chain_of(model.robot):
+    if explained and chain_of(model.robot):
         found.append(Step("What to add to the controller's table:", "gtpin export DIR -o dh.csv --format dh"))
     return found
 

@@ -55,9 +55,10 @@ def verdict(d: Diagnosis) -> Lead:
 
 
 def too_few(d: Diagnosis) -> bool:
-    """Whether the calibrated geometry is no better than the nominal one at poses that it was not fitted to."""
+    """Whether without a cause the calibrated geometry is no better than the nominal one at poses that it was not fitted to."""
     nominal = next((one.before for one in d.baseline.by_instrument if one.unit == "m"), np.inf)
-    return not d.gap.by_instrument and d.gap.before > nominal
+    found = d.verdict == "none" and not d.gap.by_instrument
+    return found and d.gap.before > max(nominal, PRIORS.silent * d.gap.floor)
 
 
 def also(d: Diagnosis) -> list[str]:
@@ -189,7 +190,8 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
             "It correlates with no single recorded coordinate; the maps show where it is. Don't compensate it by the name of "
             "an effect."
         )
-    advice = [look, *doubt_words(d.doubts), *could_be(d)]
+    moved = "What is unknown can change the parameters of the geometry by more than their sigmas."
+    advice = [look, *doubt_words(d.doubts), *could_be(d), moved]
     lines = cause_lines(d, most=1)
     if lines:
         headline = f"Also {headline[:1].lower()}{headline[1:]}"

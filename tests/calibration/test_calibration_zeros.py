@@ -55,7 +55,7 @@ def test_it_is_in_the_files_and_stands_in_the_reports_with_the_word_zero(first):
     assert set(zeros["cart2"]) == {"site", "value", "sigma", "unit"}
     assert zeros["cart2"]["value"] == calibration.zeros[1].value
     for text in (calibration.summary(), CalibrationPresentation(calibration).page()):
-        assert "zero of cart2" in text
+        assert "Equivalent zeros of the drives" in text
 
 
 @pytest.mark.filterwarnings("ignore:parameters more than")  # they make up for the zero

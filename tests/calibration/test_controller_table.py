@@ -109,6 +109,9 @@ def test_a_calibration_finds_the_errors_of_a_table_and_says_what_it_can_not_find
     first = present(calibration).lead
     assert not [row for table in first.content for row in table.rows if sites[0] in row[0] or sites[5] in row[0]]
     assert "gtpin export DIR -o dh.csv --format dh" in {step.command for step in first.steps}
+    unexplained = present(replace(calibration, sigma_scale=2.0))  # nothing to act on
+    assert "The controller's table" not in unexplained.text()
+    assert not [step for step in unexplained.lead.steps if "dh.csv" in step.command]
     (file,) = export(calibration.model, tmp_path / "dh.csv", "dh")
     rows = [line.split(",") for line in file.read_text(encoding="utf-8").splitlines()]
     assert rows[0] == ["joint", "parameter", "unit", "nominal", "correction", "sigma", "determined"]

@@ -19,6 +19,8 @@ if find_spec("playwright") is None:
     MISSING = "playwright is not installed"
 SLOW = 300e3
 """Milliseconds that a busy machine may take."""
+PHONE = 400
+"""Width of a small screen, pixels."""
 DRAWN = """[...document.querySelectorAll('div.plot')].map((plot) => [
     plot.id,
     (plot._fullData || []).reduce((count, trace) => count + (trace._length || (trace.z || []).length), 0),
@@ -71,8 +73,11 @@ class Opened:
         return False
 
     def is_whole(self) -> None:
-        """All plots have data, without an error or a request."""
+        """All plots have data, without an error or a request, and the page is not wider than a phone's screen."""
         drawn = dict(self.run(DRAWN))
         assert all(count > 0 for count in drawn.values()), drawn
         assert self.said == []
         assert [url for url in self.asked if not url.startswith(("file:", "data:", "blob:"))] == []
+        self.tab.set_viewport_size({"width": PHONE, "height": 900})
+        self.tab.wait_for_timeout(500)  # plots follow
+        assert self.run("document.documentElement.scrollWidth") <= PHONE

@@ -105,7 +105,7 @@ def test_a_table_that_is_cut_off_has_a_shadow_at_the_edge_behind_which_there_is_
     page = opened("explained")
     page.tab.emulate_media(color_scheme=scheme)
     page.tab.set_viewport_size({"width": 375, "height": 700})
-    wide = page.tab.locator("#parameters ~ .wide").first
+    wide = page.tab.locator("main > .wide").first  # the causes
     assert wide.evaluate("(table) => table.scrollWidth > table.clientWidth")
     box = wide.bounding_box()
     darkest = {}

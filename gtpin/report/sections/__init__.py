@@ -7,6 +7,7 @@ can't be distinguished, 100 what could not be tested, 110 parameters, 120 what t
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -79,12 +80,12 @@ class Reported:
 
 
 class FitPresentation(PagePresentation):
-    """What calibrations and diagnoses have in common.
+    """What calibrations and diagnoses have in common."""
 
-    ``reported``: what page and figures are made from.
-    """
-
-    reported: Reported
+    @property
+    @abstractmethod
+    def reported(self) -> Reported:
+        """What page and figures are made from."""
 
     @cached_property
     def sections(self) -> Sequence[Section]:

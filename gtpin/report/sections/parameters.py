@@ -32,7 +32,9 @@ def parameters(r: Reported) -> Section:
             "Where the pose of the instrument is unknown, the rigid motion that it absorbs is subtracted."
         )
         content = [words, Fold(f"All {len(found)} departures", [all_departures(found)])]
-    content += controller_blocks(model)
+    # What is not explained moves the parameters by more than their sigmas.
+    explained = c.explained if d is None else d.verdict != "unknown"
+    content += zero_blocks(c) if model.robot.rods else controller_blocks(model) if explained else []
     words = "Variance reduction: 1 − (sigma / tolerance)²; at 0 % the data give no information beyond the tolerance."
     every = parameter_table(c, model if d is not None and d.causes else None)
     content += [Heading("Parameters of the fit"), words, Fold(f"All {len(every.rows)} parameters", [every])]
@@ -68,6 +70,14 @@ def controller_blocks(model: Model) -> list[Block]:
     )
     table = Table(("joint", "parameter", "to add", "nominal"), rows, (2, 3))
     return [Heading("The controller's table (Denavit-Hartenberg)"), words, table] if rows else []
+
+
+def zero_blocks(c: Calibration) -> list[Block]:
+    """The zeros of the drives of a robot with rods; empty for other robots."""
+    rows = [[z.site, quantity(z.value, z.unit, z.sigma)] for z in c.zeros]
+    words = "A zero that is off moves all that its drive carries: what the joints on a drive have in common, as a shift of it."
+    table = Table(("drive", "shift of its zero"), rows, (1,))
+    return [Heading("Equivalent zeros of the drives"), words, table] if rows else []
 
 
 def _to_add(p: DhParameter) -> str:
