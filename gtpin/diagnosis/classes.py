@@ -93,7 +93,7 @@ def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis,
     found = {h: gain.term if isinstance(gain.term, Hypothesis) else h for h, gain in gains.items()} | {mine: cause}
     named = [ClassMember(found.get(h, h), w / whole, h not in by_proxy) for h, w in weight.items()]
     shares = sorted(((term, w / whole) for term, w in of_smooth.items()), key=lambda share: -share[1])
-    return Ranking(_ordered(named, cause), tuple(shares), temperature)
+    return Ranking(ordered(named, cause), tuple(shares), temperature)
 
 
 def _gains(
@@ -187,7 +187,7 @@ def with_two_instead(hypotheses: HypothesisSet, model: Posterior[Term], classes:
         best = _best_two(hypotheses, rest, (cause,), LEAST_SHARE * own)
         if best is None:
             continue
-        odds, leader = _odds_of_two(hypotheses, best[0], model, own), _own_probability(members, cause)
+        odds, leader = _odds_of_two(hypotheses, best[0], model, own), own_probability(members, cause)
         whole = 1.0 + odds * leader
         each = odds * leader / whole / 2.0
         if each < CLASS_SHARE * max(m.probability for m in members) / whole:
@@ -196,7 +196,7 @@ def with_two_instead(hypotheses: HypothesisSet, model: Posterior[Term], classes:
         for hypothesis, other in (best[1], best[1][::-1]):
             alone = known.get(hypothesis.place, ClassMember(hypothesis, 0.0, beside=other))
             known[hypothesis.place] = replace(alone, probability=alone.probability + each)
-        found[cause] = _ordered(known.values(), cause)
+        found[cause] = ordered(known.values(), cause)
     for pair in combinations(causes(model), 2):
         rest = without(hypotheses.groups, without(hypotheses.groups, model, pair[0]), pair[1], sweeps=1)
         own = model.log_evidence - rest.log_evidence
@@ -206,18 +206,19 @@ def with_two_instead(hypotheses: HypothesisSet, model: Posterior[Term], classes:
             members = found[cause]
             if odds < CLASS_SHARE or any(m.hypothesis.place == other.place for m in members):
                 continue
-            leader = _own_probability(members, cause)
+            leader = own_probability(members, cause)
             whole = 1.0 + odds * leader
             kept = [replace(m, probability=m.probability / whole) for m in members]
-            found[cause] = _ordered([*kept, ClassMember(other, odds * leader / whole)], cause)
+            found[cause] = ordered([*kept, ClassMember(other, odds * leader / whole)], cause)
     return found
 
 
-def _own_probability(members: Iterable[ClassMember], cause: Hypothesis) -> float:
+def own_probability(members: Iterable[ClassMember], cause: Hypothesis) -> float:
+    """The probability of a cause itself in its class."""
     return next(m.probability for m in members if m.hypothesis.place == cause.place)
 
 
-def _ordered(members: Iterable[ClassMember], cause: Hypothesis) -> tuple[ClassMember, ...]:
+def ordered(members: Iterable[ClassMember], cause: Hypothesis) -> tuple[ClassMember, ...]:
     """Members by probability, the largest first; of equal ones the cause."""
     return tuple(sorted(members, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
 

@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from gtpin.data.duplicates import command_steps
-from gtpin.diagnosis.classes import ClassMember, _ordered, _own_probability, class_of, unnamed
+from gtpin.diagnosis.classes import ClassMember, class_of, ordered, own_probability, unnamed
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Posterior, without
 from gtpin.diagnosis.gap import leave_out
@@ -99,7 +99,7 @@ def flexible_families(context: Context) -> Conclusion | None:
             mechanisms.add(cause.place)
         else:
             over = tuple(sorted(cause.drivers(hypotheses.design.operating_points.robot)))
-            own = next(m.probability for m in members if m.hypothesis.place == cause.place)
+            own = own_probability(members, cause)
             families.append(FlexibleFamily(*cause.place, over, size(hypotheses, found.model, cause), own))
             if not weak(hypotheses, found.model, cause):
                 doubts.append(Doubt("description", cause.site, over))
@@ -155,7 +155,7 @@ def _likeliest_forms(
 ) -> tuple[Conclusion, Hypothesis]:
     """The conclusion with the families in a cause's class by the gain of their forms; the likeliest of them is the cause."""
     temperature = hypotheses.priors.temperature_of(by_forms[cause])
-    own = _own_probability(found.classes[cause], cause)
+    own = own_probability(found.classes[cause], cause)
     probability = {m.hypothesis: m.probability for m in found.classes[cause]}
     for family, gain in by_forms.items():
         probability[family] = max(
@@ -170,7 +170,7 @@ def _likeliest_forms(
     terms = [likeliest if term == cause else term for term in found.model.terms]
     model = found.model if likeliest == cause else hypotheses.of(terms, found.model.scale)
     classes = {likeliest if c == cause else c: members_ for c, members_ in found.classes.items()}
-    return replace(found, model=model, classes={**classes, likeliest: _ordered(members, likeliest)}), likeliest
+    return replace(found, model=model, classes={**classes, likeliest: ordered(members, likeliest)}), likeliest
 
 
 COARSEST = 2e-2

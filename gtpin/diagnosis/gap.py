@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import get_args
 
@@ -15,7 +15,7 @@ from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import Posterior, given, marginal_power
 from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term
 from gtpin.diagnosis.result import Correlate, Gap, HoldOut, InstrumentGap, Turns, Unexplained, Where
-from gtpin.diagnosis.search import Gain, HypothesisSet
+from gtpin.diagnosis.search import Gain, HypothesisSet, causes
 from gtpin.diagnosis.smooth_terms import COMMON
 from gtpin.diagnosis.verdict import Conclusion
 from gtpin.distributions import chi2
@@ -439,12 +439,16 @@ def unexplained(hypotheses: HypothesisSet, model: Posterior[Term], unknown: bool
             correlates[smooth.site, smooth.over] = Correlate(smooth.site, smooth.words, p_value, smooth.motion, odds)
     share = float(np.clip((power - dof) / excess, 0.0, 1.0)) if excess > 1e-9 else 0.0
     best = tuple(correlates.values())
-    could_be = (*_could_be(hypotheses, model), *_untried(hypotheses, best[:1])) if unknown else ()
+    could_be = _could_be(hypotheses, model, {one.site for one in best[:1]}) if unknown else ()
     return Unexplained(share, float(chi2.sf(power, dof)), best, could_be)
 
 
-def _could_be(hypotheses: HypothesisSet, model: Posterior[Term]) -> tuple[tuple[str, str], ...]:
-    """Effect and site of untestable effects whose proxies gain nearly as much as the best smooth term, the best first."""
+def _could_be(hypotheses: HypothesisSet, model: Posterior[Term], sites: set[str]) -> tuple[Place, ...]:
+    """Effect and site of untestable effects that could be the unknown.
+
+    First those whose proxies gain nearly as much as the best smooth term, the best first. Then those at ``sites``, where the
+    best smooth term acts, that lack a covariate and have no proxy: nothing in these data speaks for or against them.
+    """
     priors = hypotheses.priors
     best = max((gain.value for gain in hypotheses.gains(model, hypotheses.smooth).values()), default=0.0)
     gains = hypotheses.gains(model, hypotheses.proxies)
@@ -453,15 +457,9 @@ def _could_be(hypotheses: HypothesisSet, model: Posterior[Term]) -> tuple[tuple[
         for p in sorted(gains, key=lambda p: -gains[p].value)
         if gains[p].value >= max(priors.accounts * best, priors.surely)
     ]
-    taken = {term.place for term in model.terms if isinstance(term, Hypothesis)}
-    return tuple(p.hypothesis.place for p in enough if p.hypothesis.place not in taken)
-
-
-def _untried(hypotheses: HypothesisSet, best: Sequence[Correlate]) -> list[tuple[str, str]]:
-    """Effect and site of effects at the site of the ``best`` smooth term that lack a covariate and have no proxy.
-
-    Nothing in these data speaks for or against them.
-    """
-    tried, sites = {proxy.hypothesis.place for proxy in hypotheses.proxies}, {one.site for one in best}
-    untested = (u.hypothesis.place for u in hypotheses.untested if u.reason.kind in ("missing", "unusable"))
-    return [place for place in untested if place[1] in sites and place not in tried]
+    taken, tried = {cause.place for cause in causes(model)}, {proxy.hypothesis.place for proxy in hypotheses.proxies}
+    untried = (u.hypothesis.place for u in hypotheses.untested if u.reason.kind in ("missing", "unusable"))
+    return (
+        *(p.hypothesis.place for p in enough if p.hypothesis.place not in taken),
+        *(place for place in untried if place[1] in sites and place not in tried),
+    )

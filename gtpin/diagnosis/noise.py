@@ -484,7 +484,10 @@ def searchable_rows(prepared: Prepared, priors: Priors) -> Mask:
     """(N,) the rows that a search uses: those of the calibration, and its outliers that are clustered."""
     dataset, baseline = prepared.dataset, prepared.baseline
     used = baseline.used(dataset)
-    rows = np.flatnonzero(baseline.model.kinematics.forward(dataset.q).reached & ~_in_sockets(dataset))
+    # Visits of a ball in a socket have nearly the same command, so that its gross errors are clustered.
+    sockets = [i for i, table in enumerate(dataset.readings.tables) if isinstance(table, SocketTable)]
+    reached = baseline.model.kinematics.forward(dataset.q).reached
+    rows = np.flatnonzero(reached & ~np.isin(dataset.readings.of, sockets))
     if (~used[rows]).any():
         at = Observed.of(dataset.take(rows), baseline).operating_points(baseline.model)
         together = rows[clustered(at, ~used[rows], priors)]
@@ -537,9 +540,3 @@ def _coordinates(at: OperatingPoints) -> Floats:
     names = [*(f"approach{k + 1}" for k in range(at.robot.n_actuators)), "payload"]
     columns = [at.q, *(at.covariate(name)[:, None] for name in names if at.varies(name))]
     return np.hstack([*columns, *(loads_of(at, site)[0] for site in loaded_along(at.robot))])
-
-
-def _in_sockets(dataset: Dataset) -> Mask:
-    """(N,) rows of a ball in a socket: its visits have nearly the same command, so that its gross errors are clustered."""
-    sockets = [i for i, table in enumerate(dataset.readings.tables) if isinstance(table, SocketTable)]
-    return np.isin(dataset.readings.of, sockets)

@@ -30,7 +30,7 @@ class Priors:
     """Smallest root mean square of the core's coefficients, in units of sigma, over the scale s. Below it, the scale s is not
     admitted, because it serves the modulation alone. Assumed."""
 
-    # Prior odds of terms: natural logarithms, in nats, against them.
+    # Prior odds against terms, natural logarithms in nats, and penalties by the data's own evidence.
     unnamed: float = 5.0
     """Log prior odds against a smooth term, in addition to those of a named effect: the catalogue lists the common effects.
     Assumed, odds of 1 to 150."""
@@ -47,8 +47,8 @@ class Priors:
     """Additional log prior odds against each further period of one periodic error. Assumed, odds of 1 to 55: a gear with one
     period often has others."""
     same: float = 0.08
-    """Share of a stronger cause's evidence that is added to the log prior odds of a hypothesis at the same site with the same
-    coordinates. Reason: a cause never follows its equation exactly. Measured: docs/statistics.md."""
+    """Penalty, a share of a stronger cause's evidence: what a hypothesis at the same site with the same coordinates must gain
+    in addition to its log prior odds. Reason: a cause never follows its equation exactly. Measured: docs/statistics.md."""
     related: float = 0.05
     """The same share, for a hypothesis that could imitate a difference between the stronger cause and its equation. Measured:
     docs/statistics.md."""
@@ -58,8 +58,8 @@ class Priors:
     """Most that these shares take off the logarithm of a hypothesis's odds to a cause in its class. Derived: just below -ln of
     ``CLASS_SHARE``, 3.0; what explains as much as the cause is in its class though it could also imitate another one."""
     departure: float = 0.025
-    """Share of the evidence of the smooth terms by which the log posterior of a model with them must
-    be larger than that of a model with named causes. Measured: docs/statistics.md."""
+    """Share of the evidence of the smooth terms by which the log posterior of a model with them must be larger than that of a
+    model with named causes. Measured: docs/statistics.md."""
     modulation: float = 0.06
     """The same share, where the smooth terms could be the modulation of a named cause. Measured: docs/statistics.md."""
 

@@ -77,7 +77,7 @@ EFFECTS = [(FewPeriods(), 0.021), (RackStep(), 0.4), (FrameWave(), 0.13)]
 @pytest.mark.parametrize(("effect", "setting"), EFFECTS, ids=lambda v: getattr(v, "id", ""))
 def test_a_scan_finds_what_each_setting_by_itself_gains(effect, setting, with_model, kept, monkeypatch):
     if not kept:
-        monkeypatch.setattr(scan, "KEPT", 0)
+        monkeypatch.setattr(scan, "MOST_KEPT", 0)
         monkeypatch.setattr(scan, "BATCH", 7)
     design = problem(effect, setting, seed=1)
     groups: Groups[object] = Groups(Marginal(design.B), design.y)
