@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.data.readings import misread
+from gtpin.calibration.checks.readings import misread
 from gtpin.errors import DatasetError
 
 

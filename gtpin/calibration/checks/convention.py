@@ -7,13 +7,13 @@ from functools import cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gtpin.calibration.checks.readings import RotationReading, misread, orientation_readings, position_readings
 from gtpin.calibration.checks.recognise import either
 from gtpin.calibration.checks.suspected import refuse, suspect
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.problem import Point, Problem
 from gtpin.data import Dataset
 from gtpin.data.names import ORIENTATION
-from gtpin.data.readings import RotationReading, misread, orientation_readings, position_readings
 from gtpin.errors import DatasetError
 from gtpin.kinematics.poses import Poses
 from gtpin.typing import Floats
