@@ -8,7 +8,7 @@ from test_recognise import elsewhere, machine, refusal
 
 import gtpin
 from gtpin.calibration.checks.mixed_units import check_mixed_units
-from gtpin.data.readings import UNITS
+from gtpin.calibration.checks.readings import UNITS
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.data.readings import misread
+from gtpin.calibration.checks.readings import misread
 from gtpin.errors import DatasetError
 
 
@@ -52,6 +52,23 @@ def test_turns_so_small_that_the_nominal_robot_hides_them_show_after_the_fit():
     assert np.median(changed) < 5e-3
     with pytest.raises(DatasetError, match="the orientations look like Euler angles xyz about fixed axes"):
         gtpin.calibrate(spoilt)
+
+
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # of what an effect does to a fit
+@pytest.mark.parametrize("robot", ["stewart", pytest.param("ur5", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("declared", [True, False])
+@pytest.mark.parametrize("seed", [7, 8, 9])
+def test_a_convention_is_named_beside_a_large_backlash(robot, declared, seed):
+    site = gtpin.load_robot(robot).sites[0]
+    made = make_case(seed, robot=robot, effects=[("backlash", site)], noncentrality=4000.0, poses=400, held_out=1)
+    data = converted(made.dataset, WRONGLY["fixed xyz as rotation vectors"])
+    if robot == "stewart":  # small turns, whose second order alone differs
+        data = data.take(Rotation.from_quat(data.orientation.copy(), scalar_first=True).magnitude() < 0.12)
+    if not declared:
+        unknown = data.instrument.model_copy(update={"position_sigma": None, "orientation_sigma": None})
+        data = replace(data, instrument=unknown)
+    with pytest.raises(DatasetError, match="the orientations look like"):
+        gtpin.calibrate(data)
 
 
 @pytest.mark.slow

@@ -17,9 +17,9 @@ from itertools import chain, combinations, product
 
 import numpy as np
 
+from gtpin.calibration.checks.readings import UNITS
 from gtpin.calibration.problem import Measured
 from gtpin.data.names import command_names
-from gtpin.data.readings import UNITS
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.rotations import log
 from gtpin.typing import Floats, Mask

@@ -7,13 +7,13 @@ from functools import cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gtpin.calibration.checks.readings import RotationReading, misread, orientation_readings, position_readings
 from gtpin.calibration.checks.recognise import either
-from gtpin.calibration.checks.suspected import suspect
+from gtpin.calibration.checks.suspected import refuse, suspect
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.problem import Point, Problem
 from gtpin.data import Dataset
 from gtpin.data.names import ORIENTATION
-from gtpin.data.readings import RotationReading, misread, orientation_readings, position_readings
 from gtpin.errors import DatasetError
 from gtpin.kinematics.poses import Poses
 from gtpin.typing import Floats
@@ -24,6 +24,9 @@ LEFT, GAIN = 0.8, 60.0
 """Share of the squared orientation residuals that another convention may leave, and the least by which it lowers them: a
 factor of exp(30) in likelihood, over some 150 readings. A convention has no free parameter: with residuals of effects, no
 other convention left less than 0.96 (80 fits of 40 machines of the plant); a runout in one of 200 sealed cases left 0.77."""
+CERTAIN = 0.1
+"""Share of the squared orientation residuals that another convention leaves where it is certain, whatever noise is declared. By
+the same study no effect is so much like a convention."""
 AS_GOOD = 1.5
 """Ratio of its squared residuals to the smallest up to which a convention counts as equally good. Assumed."""
 LEAST = 20
@@ -71,6 +74,8 @@ def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> Non
     of_each = (sigmas * np.sqrt(sums / (3.0 * fit.weight[rows].sum()))).tolist()
     before, after = (tuple(of_each[i]) for i in (0, 1 + others.index(least)))
     error = DatasetError(looks, file=dataset.file, column=" ".join(ORIENTATION), hint=hints)
+    if least <= CERTAIN * now:
+        return refuse(error, dataset)
     suspect(error, dataset, before, after, exact=True)
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from gtpin.calibration.checks.readings import UNITS
 from gtpin.calibration.checks.suspected import suspect
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data import Dataset
-from gtpin.data.readings import UNITS
 from gtpin.errors import DatasetError
 from gtpin.kinematics.poses import Poses
 from gtpin.typing import Floats, Mask

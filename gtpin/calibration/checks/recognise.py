@@ -10,15 +10,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gtpin.calibration.checks.commands import CommandReading, CommandSearch, one_mistake, several_mistakes
-from gtpin.calibration.free_target import without_target
-from gtpin.calibration.problem import Measured, rough_frame
-from gtpin.data.readings import (
+from gtpin.calibration.checks.readings import (
     Orientations,
     RotationReading,
     misread,
     orientation_readings,
     position_readings,
 )
+from gtpin.calibration.free_target import without_target
+from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.instruments.frame_and_target import Placement, frame_and_target, nearest
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log
