@@ -18,7 +18,7 @@ from gtpin.diagnosis.hypotheses.propose import propose
 from gtpin.diagnosis.inference.findings import Conclusion, Doubt, considered
 from gtpin.diagnosis.inference.fit import cause
 from gtpin.diagnosis.inference.infer import decide
-from gtpin.diagnosis.inference.predictive import gaps
+from gtpin.diagnosis.inference.predictive import gaps, lost
 from gtpin.diagnosis.inference.shown_noise import floor_of
 from gtpin.diagnosis.inference.where import marginal_power, unexplained, where
 from gtpin.diagnosis.linear.design import Design, Observed
@@ -117,12 +117,12 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
     # Every pose is left out in turn; of readings, all of one stop of the machine.
     together = np.arange(len(used)) if design.measured.tracked else used.visits
     floor, blocks = _floor(tried, earlier), [together == one for one in np.unique(together)]
-    whole, takes = gaps(hypotheses, found, floor, blocks, rng)
+    whole, less = gaps(hypotheses, found, floor, blocks, rng)
     causes, unpredicted = [], []
     for own, hypothesis in zip(active, named, strict=True):
         # The earlier model may have another effect of the same name.
         one = cause(replace(model, effects=(own,)), hypothesis, found, hypothesis, hypotheses)
-        causes.append(replace(one, explained_fraction=takes[hypothesis.place]))
+        causes.append(replace(one, explained_fraction=lost(whole, less[hypothesis.place])))
         if set(hypothesis.covariates(model.robot)) & set(tried.assumed):
             unpredicted.append(own.name)
     regions = by_region(used, int(np.clip(len(used) // TOGETHER, 2, REGIONS)))

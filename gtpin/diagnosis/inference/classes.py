@@ -47,7 +47,8 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unl
     """Everything that could be in the place of a cause, with its probability.
 
     A hypothesis that only a proxy shows is at most as probable as the most probable one that recorded covariates show.
-    ``unlisted``: whether something acts that no effect describes. Then nothing is against the smooth terms that compete.
+    ``unlisted``: whether something acts that no effect describes. Then nothing is against the smooth terms that compete, and
+    they gain what an unlisted effect departs from a smooth function: as much as a cause departs from its equation.
     """
     rest = without(hypotheses.groups, model, cause, sweeps=1)
     gains = hypotheses.gains(rest, hypotheses.named)
@@ -77,8 +78,11 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unl
     # An effect of exactly time, or exactly session, has no form of its own: another part can move with it as well. Both have
     # the same functions and differ in the part that moves, so only the square root of the temperature divides the difference.
     robot = hypotheses.design.operating_points.robot
-    drivers = cause.drivers(robot)
-    clock = drivers if drivers in ({"time"}, {"session"}) else None
+    clock = cause.clock(robot)
+    rigid = [h for h in gains if clock and {h.site, cause.site} == {"frame", "platform"} and h.clock(robot) == clock]
+    for h in rigid:
+        ahead = (gains[h].value - gains[mine].value) / sqrt(heat)
+        log[h] = log[mine] + ahead - hypotheses.cost(h) + hypotheses.cost(mine)
     if clock and cause.site == "frame" and not robot.constraints:  # an arm's base moves as the frame does: one cause
         against = {s: gain for s, gain in against.items() if (s.site, frozenset(s.over)) != (robot.sites[0], clock)}
 
@@ -88,7 +92,7 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unl
     smooth = {
         s: log[mine] + (gain.value - gains[mine].value) / sqrt(heat) - priors.same_clock
         if frozenset(s.over) == clock
-        else (gain.value - (0.0 if unlisted else against_smooth(s))) / heat
+        else (gain.value + (priors.departure * own if unlisted else -against_smooth(s))) / heat
         for s, gain in against.items()
     }
     top = max([*log.values(), *smooth.values()])  # large numbers would round their sum
@@ -147,32 +151,28 @@ def with_two_instead(hypotheses: HypothesisSet, model: Explanation, classes: Cla
     Two that could together be in the place of one cause have each half of the probability of both, so that the probabilities
     of a class sum to at most 1. Of two others in the place of two causes, each is added to the class of the cause whose place
     it takes, with the probability of both: classes in which one cause is exchanged at a time do not show them.
+    For robots without rods, whose models are long, only two of one mechanism are tried, in the place of one cause.
     """
-    if hypotheses.long:
-        return classes
     found = dict(classes)
     for cause, members in classes.items():
         rest = without(hypotheses.groups, model, cause, sweeps=1)
         own = model.log_evidence - rest.log_evidence
-        best = _best_two(hypotheses, rest, (cause,), LEAST_SHARE * own)
-        if best is None:
-            continue
-        odds, leader = _odds_of_two(hypotheses, best[0], model, own), _own_probability(members, cause)
+        odds, two = _best_two(hypotheses, model, rest, (cause,), LEAST_SHARE * own)
+        leader = _own_probability(members, cause)
         whole = 1.0 + odds * leader
         each = odds * leader / whole / 2.0
         if each < CLASS_SHARE * max(m.probability for m in members) / whole:
             continue
         known = {m.hypothesis.place: replace(m, probability=m.probability / whole) for m in members}
-        for hypothesis, other in (best[1], best[1][::-1]):
+        for hypothesis, other in (two, two[::-1]):
             alone = known.get(hypothesis.place, Contender(hypothesis, 0.0, beside=other))
             known[hypothesis.place] = replace(alone, probability=alone.probability + each)
         found[cause] = _ordered(known.values(), cause)
-    for pair in combinations(causes(model), 2):
+    for pair in combinations(causes(model), 2) if not hypotheses.long else ():
         rest = without(hypotheses.groups, without(hypotheses.groups, model, pair[0]), pair[1], sweeps=1)
         own = model.log_evidence - rest.log_evidence
-        best = _best_two(hypotheses, rest, pair, LEAST_SHARE * own / 2.0)
-        odds = 0.0 if best is None else _odds_of_two(hypotheses, best[0], model, own)
-        for cause, other in zip(pair, best[1] if best else (), strict=False):
+        odds, two = _best_two(hypotheses, model, rest, pair, LEAST_SHARE * own / 2.0)
+        for cause, other in zip(pair, two, strict=False):
             members = found[cause]
             if odds < CLASS_SHARE or any(m.hypothesis.place == other.place for m in members):
                 continue
@@ -192,31 +192,36 @@ def _ordered(members: Iterable[Contender], cause: Hypothesis) -> tuple[Contender
     return tuple(sorted(members, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
 
 
-def _odds_of_two(hypotheses: HypothesisSet, other: Explanation, model: Explanation, own: float) -> float:
-    """Odds, at most 1, of ``other`` over ``model``. ``own``: gain, nats, in ``model`` of the causes that ``other`` replaces."""
-    ahead = hypotheses.log_posterior(other) - hypotheses.log_posterior(model)
-    return exp(min(ahead / hypotheses.priors.heat(own), 0.0))
-
-
 def _best_two(
-    hypotheses: HypothesisSet, rest: Explanation, out: Sequence[Hypothesis], least: float
-) -> tuple[Explanation, tuple[Hypothesis, Hypothesis]] | None:
-    """The model of largest worth with two hypotheses beside ``rest``, and these two.
+    hypotheses: HypothesisSet, model: Explanation, rest: Explanation, out: Sequence[Hypothesis], least: float
+) -> tuple[float, tuple[Hypothesis, ...]]:
+    """The two hypotheses that are most probable in the place of ``out``, and their odds, at most 1, over these; 0 without any.
 
-    Neither is one of ``out``, and the first gains at least ``least``, nats.
+    ``rest``: the model without ``out``. Neither is one of ``out``, and the first gains at least ``least``, nats.
+
+    Two of one mechanism are tried in addition (the drives of two joints give way): each can be as large as the cause (a link
+    bends), and look like it. The prior odds against them are then bounded by `imitation`, as those against a single one.
     """
-    scanned, places = set(hypotheses.scanned), {h.place for h in out}
+    scanned, places, priors = set(hypotheses.scanned), {h.place for h in out}, hypotheses.priors
     plain = [h for h in hypotheses.named if h not in scanned and h.place not in places]
     gains = hypotheses.gains(rest, plain)
-    firsts = sorted((h for h in gains if gains[h].value >= least), key=lambda h: -gains[h].value)[:FIRSTS]
-    found: list[tuple[Explanation, tuple[Hypothesis, Hypothesis]]] = []
-    for first in firsts:
+    firsts = sorted((h for h in gains if gains[h].value >= least), key=lambda h: -gains[h].value)
+    largest = {h.effect: h for h in reversed(firsts) if h.effect.nature == "mechanism"}
+    tries = [] if hypotheses.long else [(first, plain) for first in firsts[:FIRSTS]]
+    tries += [(first, [h for h in plain if h.effect is effect]) for effect, first in largest.items()]
+    heat, cost = priors.heat(model.log_evidence - rest.log_evidence), sum(hypotheses.costs(model.terms).values())
+    found: tuple[float, tuple[Hypothesis, ...]] = (0.0, ())
+    for first, seconds in tries:
         one = hypotheses.extended(rest, first)
-        more: dict[Hypothesis, Gain] = hypotheses.net_gains(one, [h for h in plain if h != first])
+        more: dict[Hypothesis, Gain] = hypotheses.net_gains(one, [h for h in seconds if h != first])
         if more:
             second = max(more, key=lambda h: more[h].value)
-            found.append((hypotheses.extended(one, second), (first, second)))
-    return max(found, key=lambda pair: hypotheses.log_posterior(pair[0]), default=None)
+            both = hypotheses.extended(one, second)
+            against = (sum(hypotheses.costs(both.terms).values()) - cost) / heat
+            against = min(against, priors.imitation) if first.effect is second.effect else against
+            odds = exp(min((both.log_evidence - model.log_evidence) / heat - against, 0.0))
+            found = max(found, (odds, (first, second)), key=lambda pair: pair[0])
+    return found
 
 
 MOST_FORMS = 3

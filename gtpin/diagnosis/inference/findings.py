@@ -7,9 +7,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, alike
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, Gain, HypothesisSet, Term, scales
-from gtpin.diagnosis.linear.posterior import NOTHING, fixed
+from gtpin.diagnosis.linear.posterior import NOTHING, fixed, without
 from gtpin.diagnosis.priors import SURE, UNDECIDED
 from gtpin.effects.effect import Nature
 from gtpin.effects.untestable import Untestable
@@ -307,6 +307,14 @@ class Conclusion:
         """The conclusion with further doubts."""
         return replace(self, doubts=(*self.doubts, *doubts))
 
+    def bounded(self, causes: Collection[Hypothesis], most: float) -> Conclusion:
+        """The conclusion with a largest probability of the members of some causes' classes."""
+        classes = dict(self.classes)
+        for cause in causes:
+            share = min(most / classes[cause][0].probability, 1.0)
+            classes[cause] = tuple(replace(m, probability=share * m.probability) for m in classes[cause])
+        return replace(self, classes=classes)
+
     def only(self, hypotheses: HypothesisSet, causes: list[Hypothesis]) -> Conclusion:
         """The conclusion with only some of its causes."""
         classes = {cause: self.classes[cause] for cause in causes}
@@ -315,9 +323,20 @@ class Conclusion:
     def named_beside_unknown(self, hypotheses: HypothesisSet) -> Conclusion:
         """The conclusion with only the causes that stand beside something unknown, and with what is weak and undecided.
 
-        Of the others, the leader of a class is likely where it has 0.5 or more.
+        What is not named is a part of the unknown. A cause that gains less than it, and that a member of its class could look
+        like, may be no more than what that member leaves of the unknown. Of the others, the leader of a class is likely where
+        it has 0.5 or more.
         """
-        kept = [cause for cause in self.classes if cause in {*self.beside_unknown(), *self.also}]
+        robot, model, groups = hypotheses.design.operating_points.robot, self.whole(hypotheses), hypotheses.groups
+        loss = {cause: model.log_evidence - without(groups, model, cause).log_evidence for cause in self.classes}
+        beside = {*self.beside_unknown(), *self.also}
+        open_ = [cause for cause in self.classes if cause not in beside]
+
+        def within(cause: Hypothesis, other: Hypothesis) -> bool:
+            members = (m.hypothesis for m in self.classes[other])
+            return loss[cause] < loss[other] and any(alike(robot, cause, member) for member in members)
+
+        kept = [c for c in self.classes if c in beside and not any(within(c, other) for other in open_)]
         leaders = [members[0] for cause, members in self.classes.items() if cause not in kept]
         if not leaders:
             return self

@@ -14,7 +14,7 @@ from gtpin.diagnosis.inference.classes import contenders, described, undecided, 
 from gtpin.diagnosis.inference.findings import Cause, Conclusion, Doubt, Question, Undecided, Unexplained
 from gtpin.diagnosis.inference.infer import infer
 from gtpin.diagnosis.inference.joint_fit import fit_together
-from gtpin.diagnosis.inference.predictive import gaps, with_smaller_errors
+from gtpin.diagnosis.inference.predictive import gaps, lost, with_smaller_errors, without_certainty
 from gtpin.diagnosis.inference.settle import SearchState
 from gtpin.diagnosis.inference.shown_noise import ShownNoise, Source, floor_of
 from gtpin.diagnosis.inference.suspicious_data import (
@@ -90,13 +90,13 @@ def fit(
     shown = ShownNoise.of(settled.observed, hypotheses, settled.guess, prepared.declared, hypotheses.priors)
     floor = shown.floor(hypotheses.design)
 
-    def gaps_by(which: HoldOut) -> tuple[Gap, dict[tuple[str, str], float]]:
+    def gaps_by(which: HoldOut) -> tuple[Gap, dict[tuple[str, str], Gap]]:
         blocks = blocks_of(searched, which, rng)
-        whole, takes = gaps(hypotheses, found, floor, blocks, rng, which == "session", inferred)
-        return replace(whole, hold_out=which, blocks=len(blocks), sessions=n_sessions(searched)), takes
+        whole, less = gaps(hypotheses, found, floor, blocks, rng, which == "session", inferred)
+        return replace(whole, hold_out=which, blocks=len(blocks), sessions=n_sessions(searched)), less
 
-    checked, takes = gaps_by("region")
-    found = without_undecided(hypotheses, found)
+    checked, less = gaps_by("region")
+    found = without_undecided(hypotheses, without_certainty(found, checked, less))
     before, found = found, held_out(found, hypotheses, checked, settled.observed, shown)
     at = hypotheses.design.operating_points
     untestable = [one.hypothesis for one in hypotheses.untested]
@@ -108,9 +108,9 @@ def fit(
         # A cause that is not sure may only take up a part of the unknown.
         found = sure
         model, causes = _fitted(prepared, settled, found)
-        checked, takes = gaps_by("region")
-    whole, takes = (checked, takes) if hold_out == "region" else gaps_by(hold_out)
-    causes = [replace(c, explained_fraction=takes[c.effect, c.site]) for c in causes]
+        checked, less = gaps_by("region")
+    whole, less = (checked, less) if hold_out == "region" else gaps_by(hold_out)
+    causes = [replace(c, explained_fraction=lost(whole, less[c.effect, c.site])) for c in causes]
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
     small = {c.place for c in found.also}
     no_cause = {c.place for c in found.classes} | {(q.effect, q.site) for q in impossible}
@@ -237,7 +237,8 @@ def estimates(robot: Chain, active: ActiveEffect, hypothesis: Hypothesis) -> dic
     coefficients. They are not needed for the value: a mean or a median of draws of such a norm is too large, because the
     draws add the posterior's variance to coefficients that contain the noise already.
     """
-    sigmas = [sigma for _, sigma in hypothesis.lines]
+    least = [active.effect.least_sigma(robot, active.site, active.references, value) for value in active.values]
+    sigmas = [max(sigma, one) for (_, sigma), one in zip(hypothesis.lines, least, strict=True)]
     values, vectors = np.linalg.eigh(active.covariance)
     unit = np.random.default_rng(0).standard_normal((DRAWS, len(values) + max(len(active.values), 1)))
     drawn = []

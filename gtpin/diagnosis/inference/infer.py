@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import betaincc, expit
 
-from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, related, same_place
+from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm, alike
 from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, HypothesisSet, causes, smooth_terms
 from gtpin.diagnosis.hypotheses.proxies import Proxy
 from gtpin.diagnosis.inference.classes import contenders, ranked, with_two_instead
@@ -68,7 +68,7 @@ def decide(hypotheses: HypothesisSet, guess: Explanation = NOTHING) -> Conclusio
         named = hypotheses.only(better, (*_apart(hypotheses, better), *needed))
     named = without_redundant(hypotheses, named)
     # The smooth terms stay in the model while classes are compared: else an alternative would gain by what they explain.
-    classes = {cause: contenders(hypotheses, named, cause) for cause in causes(named)}
+    classes = {cause: contenders(hypotheses, named, cause, unlisted=bool(needed)) for cause in causes(named)}
     instead: list[tuple[str, str]] = []
     for cause in [cause for cause, members in classes.items() if cause.further and members[0].probability >= SURE]:
         if (replaced := _without_lines(hypotheses, named, cause)) is not None:
@@ -141,7 +141,7 @@ def _alike(hypotheses: HypothesisSet, cause: Hypothesis, smooth: Sequence[Smooth
     robot = hypotheses.design.operating_points.robot
     if cause.further and hypotheses.long:
         return False
-    return any(same_place(robot, cause, term) or related(robot, cause, term) for term in smooth)
+    return any(alike(robot, cause, term) for term in smooth)
 
 
 def without_redundant(hypotheses: HypothesisSet, named: Explanation) -> Explanation:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from gtpin.diagnosis.hypotheses.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.inference.findings import Conclusion, Doubt
 from gtpin.diagnosis.linear.cross_validation import Gap, gap, leave_out
 from gtpin.diagnosis.linear.design import Design
+from gtpin.diagnosis.priors import UNDECIDED
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import unheard
 from gtpin.typing import Floats, Mask
@@ -27,8 +28,8 @@ def gaps(
     rng: np.random.Generator,
     of_blocks: bool = False,
     inferred: Floats | None = None,
-) -> tuple[Gap, dict[Place, float]]:
-    """The gap with all causes; and, by cause, the explained fraction that is lost without it.
+) -> tuple[Gap, dict[Place, Gap]]:
+    """The gap with all causes; and, by cause, the gap without it.
 
     The parameters are those of :func:`~gtpin.diagnosis.linear.cross_validation.gap`.
     """
@@ -43,9 +44,15 @@ def gaps(
             design, causes, floor, blocks, rng, None if np.array_equal(causes, new) else new, of_blocks, inferred
         )
 
-    whole = of(columns)
-    shares = {place: of(p for p in columns if p != place).explained_fraction or 0.0 for place in columns}
-    return whole, {place: (whole.explained_fraction or 0.0) - share for place, share in shares.items()}
+    return of(columns), {place: of(p for p in columns if p != place) for place in columns}
+
+
+def lost(whole: Gap, less: Gap) -> float:
+    """Explained fraction of the gap that is lost without a cause, with one noise floor for both. ``less``: the gap without it.
+
+    A fit without the cause takes a part of its displacements for noise.
+    """
+    return float(np.clip((less.after**2 - whole.after**2) / max(whole.before**2 - whole.floor**2, 1e-300), -1.0, 1.0))
 
 
 def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[Mask]) -> Floats:
@@ -102,3 +109,15 @@ def with_smaller_errors(hypotheses: HypothesisSet, found: Conclusion, blocks: li
     if np.prod([(after**2).sum() / (before**2).sum() for before, after in compared]) < 1.0:
         return found
     return found.only(hypotheses, []).doubted(Doubt("held_out"))
+
+
+def without_certainty(found: Conclusion, whole: Gap, less: Mapping[Place, Gap]) -> Conclusion:
+    """The conclusion, in which a cause without which the errors of left-out poses are no larger is at most as likely as not.
+
+    Errors are compared as in :func:`with_smaller_errors`. ``whole``, ``less``: as :func:`gaps` returns them.
+    """
+
+    def size(of: Gap) -> float:
+        return of.after if of.turns is None else of.after * of.turns.after
+
+    return found.bounded([c for c in found.classes if size(whole) >= size(less[c.place])], UNDECIDED)
