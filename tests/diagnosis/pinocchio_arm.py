@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,26 +34,31 @@ class Campaign:
 
 
 Deviation = Callable[[Campaign], Floats]
-"""Deviations (N, 6) of the joints, rad, or displacements of the tool in its own axes, m (N, 3)."""
+"""Deviations (N, 6) of the joints, rad, or displacements (N, 3) of the tool in its own axes, or of the frame, m."""
 
 
 def measured(
     seed: int,
     joints: Deviation | None = None,
     tool: Deviation | None = None,
+    frame: Deviation | None = None,
     poses: int = 100,
     ranges: tuple[Floats, Floats] = (MIDDLE, HALF),
+    payloads: Sequence[float] = (0.0, 2.0, 4.0),
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
 ) -> gtpin.Dataset:
-    """Poses of the arm as a tracker measures them, with causes beside wrong placements.
+    """Poses of the arm as a tracker measures them, with causes beside wrong placements. The arm hangs where ``gravity`` says.
 
-    ``joints``, ``tool``: the causes. ``ranges``: middle and half of the ranges of the commands.
+    ``joints``, ``tool``, ``frame``: the causes. ``ranges``: middle and half of the ranges of the commands. ``payloads``: what
+    is carried, kg.
     """
     rng = np.random.default_rng(seed)
     model = pin.buildModelFromUrdf(str(URDF))
+    model.gravity.linear = np.array(gravity)
     tcp = model.nframes - 1
     q = np.round(ranges[0] + ranges[1] * rng.uniform(-1.0, 1.0, (poses, 6)), 6)
-    payload = rng.choice([0.0, 2.0, 4.0], poses)
-    bare = model.inertias[6]
+    payload = rng.choice(payloads, poses)
+    bare = model.inertias[6].copy()
     moment = np.empty((poses, 6))
     for n in range(poses):
         # What is carried is a point mass at the TCP; what gravity does to a joint is minus what holds it.
@@ -66,12 +71,12 @@ def measured(
     for i in range(1, 7):
         model.jointPlacements[i] = model.jointPlacements[i] * pin.exp6(OFF * rng.standard_normal(6))
     moved = q + (0.0 if joints is None else joints(campaign))
-    shifts = np.zeros((poses, 3)) if tool is None else tool(campaign)
+    shifts, drift = (np.zeros((poses, 3)) if one is None else one(campaign) for one in (tool, frame))
     data, position, orientation = model.createData(), np.empty((poses, 3)), np.empty((poses, 4))
     for n in range(poses):
         pin.framesForwardKinematics(model, data, moved[n])
         seen = data.oMf[tcp] * pin.SE3(np.eye(3), shifts[n])
-        position[n] = seen.translation + SHIFT * rng.standard_normal(3)
+        position[n] = seen.translation + drift[n] + SHIFT * rng.standard_normal(3)
         turned = pin.exp3(TURN * rng.standard_normal(3)) @ seen.rotation
         orientation[n] = pin.Quaternion(turned).coeffs()[[3, 0, 1, 2]]
     return gtpin.Dataset(

@@ -199,18 +199,19 @@ def _best_two(
 
     ``rest``: the model without ``out``. Neither is one of ``out``, and the first gains at least ``least``, nats.
 
-    Two of one mechanism are tried in addition (the drives of two joints give way): each can be as large as the cause (a link
-    bends), and look like it. The prior odds against them are then bounded by `imitation`, as those against a single one.
+    Two of another mechanism are tried in addition (the drives of two joints give way): each can be as large as the cause (a
+    link bends), and look like it. The prior odds against them are bounded by `imitation`, as those against a single one.
     """
     scanned, places, priors = set(hypotheses.scanned), {h.place for h in out}, hypotheses.priors
     plain = [h for h in hypotheses.named if h not in scanned and h.place not in places]
     gains = hypotheses.gains(rest, plain)
     firsts = sorted((h for h in gains if gains[h].value >= least), key=lambda h: -gains[h].value)
-    largest = {h.effect: h for h in reversed(firsts) if h.effect.nature == "mechanism"}
+    own = {h.effect for h in out}
+    largest = {h.effect: h for h in reversed(firsts) if h.effect.nature == "mechanism" and h.effect not in own}
     tries = [] if hypotheses.long else [(first, plain) for first in firsts[:FIRSTS]]
     tries += [(first, [h for h in plain if h.effect is effect]) for effect, first in largest.items()]
     heat, cost = priors.heat(model.log_evidence - rest.log_evidence), sum(hypotheses.costs(model.terms).values())
-    found: tuple[float, tuple[Hypothesis, ...]] = (0.0, ())
+    best: tuple[float, tuple[Hypothesis, ...]] = (-np.inf, ())
     for first, seconds in tries:
         one = hypotheses.extended(rest, first)
         more: dict[Hypothesis, Gain] = hypotheses.net_gains(one, [h for h in seconds if h != first])
@@ -218,10 +219,12 @@ def _best_two(
             second = max(more, key=lambda h: more[h].value)
             both = hypotheses.extended(one, second)
             against = (sum(hypotheses.costs(both.terms).values()) - cost) / heat
-            against = min(against, priors.imitation) if first.effect is second.effect else against
-            odds = exp(min((both.log_evidence - model.log_evidence) / heat - against, 0.0))
-            found = max(found, (odds, (first, second)), key=lambda pair: pair[0])
-    return found
+            alike = first.effect is second.effect and first.effect not in own
+            ahead = (both.log_evidence - model.log_evidence) / heat - (
+                min(against, priors.imitation) if alike else against
+            )
+            best = max(best, (ahead, (first, second)), key=lambda pair: pair[0])
+    return exp(min(best[0], 0.0)), best[1]
 
 
 MOST_FORMS = 3
