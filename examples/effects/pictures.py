@@ -82,7 +82,7 @@ def shown(name: str) -> tuple[str, Floats, OperatingPoints, str, float]:
         ahead = still.copy()
         ahead[:, 0] = 0.67 * GRID
         return "q1 [m]", ahead[:, 0], operating_points(ahead), "along the track [µm]", 1e-6
-    if name in ("zero_shift", "frame_shift"):
+    if name in ("zero_shift", "frame_shift", "target_shift"):
         member = np.repeat(SESSIONS, 80)
         what = "along the track [µm]" if name == "zero_shift" else "x [µm]"
         return "session", np.arange(240.0) / 80.0 - 0.5, operating_points(still, session=member), what, 1e-6
@@ -114,7 +114,7 @@ def shown(name: str) -> tuple[str, Floats, OperatingPoints, str, float]:
     if name == "thermal_links":
         warm = 22.5 + 2.5 * GRID
         return "temp_link [°C]", warm, operating_points(still, temp_link=warm), "link 2a longer [µm]", 1e-6
-    if name == "tracker_drift":
+    if name in ("tracker_drift", "target_drift"):
         time = 3600.0 * (1.0 + GRID)
         return "time [h]", time / 3600.0, operating_points(still, time=time), "x [µm]", 1e-6
     if name == "tracker_scale":

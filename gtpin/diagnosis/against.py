@@ -23,7 +23,7 @@ from gtpin.diagnosis.earlier import (
     with_unexplained,
 )
 from gtpin.diagnosis.evidence import SCALES, marginal_power
-from gtpin.diagnosis.gap import gaps, unexplained, where
+from gtpin.diagnosis.gap import gaps, lost, unexplained, where
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.joint_fit import cause
 from gtpin.diagnosis.noise import floor_of
@@ -53,8 +53,11 @@ def gains_of_draws(
         part = vectors[list(core)]
         mean = (shrunk[:, None] * part).reshape(-1, len(values)) @ along.T
         variance = (shrunk @ (part**2).T).mean(axis=1)
-        square = ((mean**2).reshape(len(SCALES), len(part), -1).mean(axis=1) + variance[:, None]) / s2
-        unsuited = square < priors.least_core**2
+        mean = mean.reshape(len(SCALES), len(part), -1)
+        square = ((mean**2).mean(axis=1) + variance[:, None]) / s2
+        energy = np.einsum("kfs,fg,kgs->ks", mean, (part * values) @ part.T, mean, optimize=True)
+        whole = (shrunk**2 * values) @ (along**2).T
+        unsuited = (square < priors.least_core**2) | (energy + len(part) < priors.least_core**2 * whole)
         unsuited[0] = False  # as in `best_scales`
         gain = np.where(unsuited, -np.inf, gain)
     return np.asarray(gain.max(axis=0))
@@ -296,12 +299,12 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
     # Every pose is left out in turn; of readings, all of one stop of the machine.
     together = np.arange(len(used)) if design.measured.tracked else used.visits
     floor, blocks = _floor(tried, earlier), [together == one for one in np.unique(together)]
-    whole, takes = gaps(hypotheses, found, floor, blocks, rng)
+    whole, less = gaps(hypotheses, found, floor, blocks, rng)
     causes, unpredicted = [], []
     for own, hypothesis in zip(active, named, strict=True):
         # The earlier model may have another effect of the same name.
         one = cause(replace(model, effects=(own,)), hypothesis, found, hypothesis, hypotheses)
-        causes.append(replace(one, explained_fraction=takes[hypothesis.place]))
+        causes.append(replace(one, explained_fraction=lost(whole, less[hypothesis.place])))
         if set(hypothesis.covariates(model.robot)) & set(tried.assumed):
             unpredicted.append(own.name)
     regions = by_region(used, int(np.clip(len(used) // REGION_POSES, 2, CHECK_REGIONS)))

@@ -64,7 +64,8 @@ def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis,
     where o_h are prior odds relative to the cause, and g_s is the largest gain of a smooth term, less what is against it.
 
     A hypothesis that only a proxy shows is at most as probable as the most probable one that recorded covariates show.
-    ``unlisted``: whether something acts that no effect describes. Then nothing is against the smooth terms that compete.
+    ``unlisted``: whether something acts that no effect describes. Then nothing is against the smooth terms that compete, and
+    they gain what an unlisted effect departs from a smooth function: as much as a cause departs from its equation.
     """
     rest = without(hypotheses.groups, model, cause, sweeps=1)
     gains = _gains(hypotheses, model, rest, cause)
@@ -84,6 +85,13 @@ def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis,
         if value > log_odds.get(proxy.hypothesis, -np.inf):
             log_odds[proxy.hypothesis] = min(value, likeliest)
             by_proxy.add(proxy.hypothesis)
+    # The frame and the target of one clock have the same functions, as smooth terms of this clock have.
+    robot = hypotheses.design.operating_points.robot
+    clock = cause.clock(robot)
+    for h in gains:
+        if clock and {h.site, cause.site} == {"frame", "platform"} and h.clock(robot) == clock:
+            ahead = (gains[h].value - gains[mine].value) / sqrt(temperature)
+            log_odds[h] = log_odds[mine] + ahead - hypotheses.cost(h) + hypotheses.cost(mine)
     smooth = _smooth_log_odds(hypotheses, rest, cause, gains[mine].value, log_odds[mine], unlisted)
 
     top = max([*log_odds.values(), *smooth.values()])  # large numbers would round their sum
@@ -135,8 +143,7 @@ def _smooth_log_odds(
     functions and differ in the part that moves, so only the square root of the temperature divides the difference.
     """
     priors, robot = hypotheses.priors, hypotheses.design.operating_points.robot
-    temperature, drivers = priors.temperature_of(gained), cause.drivers(robot)
-    clock = drivers if drivers in ({"time"}, {"session"}) else None
+    temperature, clock = priors.temperature_of(gained), cause.clock(robot)
     found = {}
     for term, gain in hypotheses.gains(rest, unnamed(hypotheses, cause)).items():
         same_clock = frozenset(term.over) == clock
@@ -145,8 +152,12 @@ def _smooth_log_odds(
         if same_clock:
             found[term] = log_odds + (gain.value - gained) / sqrt(temperature) - priors.same_clock
             continue
-        departure = 0.0 if hypotheses.modulates(term, (cause,)) else priors.departure * max(gained, 0.0)
-        found[term] = (gain.value - (0.0 if unlisted else priors.unnamed + departure)) / temperature
+        departure = priors.departure * max(gained, 0.0)
+        if unlisted:
+            found[term] = (gain.value + departure) / temperature
+            continue
+        against = priors.unnamed + (0.0 if hypotheses.modulates(term, (cause,)) else departure)
+        found[term] = (gain.value - against) / temperature
     return found
 
 
@@ -177,32 +188,28 @@ def with_two_instead(hypotheses: HypothesisSet, model: Posterior[Term], classes:
     of a class sum to at most 1. Of two others in the place of two causes, each is added to the class of the cause whose place
     it takes, with the probability of both: classes in which one cause is exchanged at a time do not show them. Needed by pairs
     of causes of the simulator, beside which a third effect was certain without this rule.
+    For robots without rods, whose models are long, only two of one mechanism are tried, in the place of one cause.
     """
-    if hypotheses.long:
-        return classes
     found = dict(classes)
     for cause, members in classes.items():
         rest = without(hypotheses.groups, model, cause, sweeps=1)
         own = model.log_evidence - rest.log_evidence
-        best = _best_two(hypotheses, rest, (cause,), LEAST_SHARE * own)
-        if best is None:
-            continue
-        odds, leader = _odds_of_two(hypotheses, best[0], model, own), own_probability(members, cause)
+        odds, two = _best_two(hypotheses, model, rest, (cause,), LEAST_SHARE * own)
+        leader = own_probability(members, cause)
         whole = 1.0 + odds * leader
         each = odds * leader / whole / 2.0
         if each < CLASS_SHARE * max(m.probability for m in members) / whole:
             continue
         known = {m.hypothesis.place: replace(m, probability=m.probability / whole) for m in members}
-        for hypothesis, other in (best[1], best[1][::-1]):
+        for hypothesis, other in (two, two[::-1]):
             alone = known.get(hypothesis.place, ClassMember(hypothesis, 0.0, beside=other))
             known[hypothesis.place] = replace(alone, probability=alone.probability + each)
         found[cause] = ordered(known.values(), cause)
-    for pair in combinations(causes(model), 2):
+    for pair in combinations(causes(model), 2) if not hypotheses.long else ():
         rest = without(hypotheses.groups, without(hypotheses.groups, model, pair[0]), pair[1], sweeps=1)
         own = model.log_evidence - rest.log_evidence
-        best = _best_two(hypotheses, rest, pair, LEAST_SHARE * own / 2.0)
-        odds = 0.0 if best is None else _odds_of_two(hypotheses, best[0], model, own)
-        for cause, other in zip(pair, best[1] if best else (), strict=False):
+        odds, two = _best_two(hypotheses, model, rest, pair, LEAST_SHARE * own / 2.0)
+        for cause, other in zip(pair, two, strict=False):
             members = found[cause]
             if odds < CLASS_SHARE or any(m.hypothesis.place == other.place for m in members):
                 continue
@@ -223,28 +230,37 @@ def ordered(members: Iterable[ClassMember], cause: Hypothesis) -> tuple[ClassMem
     return tuple(sorted(members, key=lambda m: (-m.probability, m.hypothesis.place != cause.place)))
 
 
-def _odds_of_two(hypotheses: HypothesisSet, other: Posterior[Term], model: Posterior[Term], own: float) -> float:
-    """Odds, at most 1, of ``other`` over ``model``. ``own``: gain, nats, in ``model`` of the causes that ``other`` replaces."""
-    ahead = hypotheses.log_posterior(other) - hypotheses.log_posterior(model)
-    return exp(min(ahead / hypotheses.priors.temperature_of(own), 0.0))
-
-
 def _best_two(
-    hypotheses: HypothesisSet, rest: Posterior[Term], out: Sequence[Hypothesis], least: float
-) -> tuple[Posterior[Term], tuple[Hypothesis, Hypothesis]] | None:
-    """The model of largest log posterior with two hypotheses beside ``rest``, and these two.
+    hypotheses: HypothesisSet, model: Posterior[Term], rest: Posterior[Term], out: Sequence[Hypothesis], least: float
+) -> tuple[float, tuple[Hypothesis, ...]]:
+    """The two hypotheses that are most probable in the place of ``out``, and their odds, at most 1, over these; 0 without any.
 
-    Neither is one of ``out``, and the first gains at least ``least``, nats.
+    ``rest``: the model without ``out``. Neither is one of ``out``, and the first gains at least ``least``, nats.
+
+    Two of another mechanism are tried in addition (the drives of two joints give way): each can be as large as the cause (a
+    link bends), and look like it. The prior odds against them are bounded by `imitation`, as those against a single one.
     """
-    scanned, places = set(hypotheses.scanned), {h.place for h in out}
+    scanned, places, priors = set(hypotheses.scanned), {h.place for h in out}, hypotheses.priors
     plain = [h for h in hypotheses.named if h not in scanned and h.place not in places]
     gains = hypotheses.gains(rest, plain)
-    firsts = sorted((h for h in gains if gains[h].value >= least), key=lambda h: -gains[h].value)[:FIRSTS]
-    found: list[tuple[Posterior[Term], tuple[Hypothesis, Hypothesis]]] = []
-    for first in firsts:
+    firsts = sorted((h for h in gains if gains[h].value >= least), key=lambda h: -gains[h].value)
+    own = {h.effect for h in out}
+    largest = {h.effect: h for h in reversed(firsts) if h.effect.nature == "mechanism" and h.effect not in own}
+    tries = [] if hypotheses.long else [(first, plain) for first in firsts[:FIRSTS]]
+    tries += [(first, [h for h in plain if h.effect is effect]) for effect, first in largest.items()]
+    temperature = priors.temperature_of(model.log_evidence - rest.log_evidence)
+    cost = sum(hypotheses.costs(model.terms).values())
+    best: tuple[float, tuple[Hypothesis, ...]] = (-np.inf, ())
+    for first, seconds in tries:
         one = hypotheses.extended(rest, first)
-        more: dict[Hypothesis, Gain] = hypotheses.net_gains(one, [h for h in plain if h != first])
+        more: dict[Hypothesis, Gain] = hypotheses.net_gains(one, [h for h in seconds if h != first])
         if more:
             second = max(more, key=lambda h: more[h].value)
-            found.append((hypotheses.extended(one, second), (first, second)))
-    return max(found, key=lambda pair: hypotheses.log_posterior(pair[0]), default=None)
+            both = hypotheses.extended(one, second)
+            against = (sum(hypotheses.costs(both.terms).values()) - cost) / temperature
+            alike = first.effect is second.effect and first.effect not in own
+            ahead = (both.log_evidence - model.log_evidence) / temperature - (
+                min(against, priors.imitation) if alike else against
+            )
+            best = max(best, (ahead, (first, second)), key=lambda pair: pair[0])
+    return exp(min(best[0], 0.0)), best[1]

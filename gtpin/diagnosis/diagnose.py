@@ -24,7 +24,7 @@ from gtpin.diagnosis.doubts import (
     judged,
     questions,
 )
-from gtpin.diagnosis.gap import blocks_of, check_hold_out, gaps, unexplained, where
+from gtpin.diagnosis.gap import blocks_of, check_hold_out, gaps, lost, unexplained, where, without_certainty
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.joint_fit import cause, fit_together
 from gtpin.diagnosis.next_experiment import classes, plan
@@ -259,13 +259,13 @@ def _diagnose(
     floor, inferred = shown.floor(hypotheses.design), floor_of(settled.observed.noise, hypotheses.design)
     sessions = len(set(searched.covariates.get("session", ("",))))
 
-    def gaps_by(which: HoldOut) -> tuple[Gap, dict[tuple[str, str], float]]:
+    def gaps_by(which: HoldOut) -> tuple[Gap, dict[tuple[str, str], Gap]]:
         blocks = blocks_of(searched, which, rng)
-        whole, takes = gaps(hypotheses, found, floor, blocks, rng, which == "session", inferred)
-        return replace(whole, hold_out=which, blocks=len(blocks), sessions=sessions), takes
+        whole, less = gaps(hypotheses, found, floor, blocks, rng, which == "session", inferred)
+        return replace(whole, hold_out=which, blocks=len(blocks), sessions=sessions), less
 
-    whole, takes = gaps_by("region")
-    before = without_undecided(hypotheses, found)
+    whole, less = gaps_by("region")
+    before = without_undecided(hypotheses, without_certainty(found, whole, less))
     left_out = FittedContext(prepared, settled, before, context.blocks, causes, gap=whole, shown=shown)
     found = judged(left_out, OF_LEFT_OUT_POSES).found
     sure = found.named_beside_unknown(hypotheses) if found.doubts else found
@@ -273,11 +273,11 @@ def _diagnose(
         # A cause that is not sure may only take up a part of the unknown.
         found = sure
         model, causes = _fitted(prepared, settled, found)
-        whole, takes = gaps_by("region")
+        whole, less = gaps_by("region")
     if hold_out != "region":
-        whole, takes = gaps_by(hold_out)
+        whole, less = gaps_by(hold_out)
     small_causes = {cause.place for cause in found.also}
-    causes = [replace(c, explained_fraction=takes[c.effect, c.site]) for c in causes]
+    causes = [replace(c, explained_fraction=lost(whole, less[c.effect, c.site])) for c in causes]
     causes = sorted((c for c in causes if (c.effect, c.site) not in small_causes), key=lambda c: -c.explained_fraction)
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
     no_cause = {c.place for c in found.classes} | {(q.effect, q.site) for q in asked if not q.believed}

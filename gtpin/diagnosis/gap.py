@@ -14,6 +14,7 @@ from gtpin.data import Dataset, by_region, random
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import Posterior, given, marginal_power
 from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term
+from gtpin.diagnosis.priors import UNDECIDED
 from gtpin.diagnosis.result import Correlate, Gap, HoldOut, InstrumentGap, Turns, Unexplained, Where
 from gtpin.diagnosis.search import Gain, HypothesisSet, causes
 from gtpin.diagnosis.smooth_terms import COMMON
@@ -282,8 +283,8 @@ def gaps(
     rng: np.random.Generator,
     of_blocks: bool = False,
     inferred: Floats | None = None,
-) -> tuple[Gap, dict[Place, float]]:
-    """The gap with all causes; and, by cause, the explained fraction that is lost without it.
+) -> tuple[Gap, dict[Place, Gap]]:
+    """The gap with all causes; and, by cause, the gap without it.
 
     The parameters are those of :func:`~gtpin.diagnosis.gap.gap`.
     """
@@ -298,9 +299,28 @@ def gaps(
             design, causes, floor, blocks, rng, None if np.array_equal(causes, new) else new, of_blocks, inferred
         )
 
-    whole = of(columns)
-    shares = {place: of(p for p in columns if p != place).explained_fraction or 0.0 for place in columns}
-    return whole, {place: (whole.explained_fraction or 0.0) - share for place, share in shares.items()}
+    return of(columns), {place: of(p for p in columns if p != place) for place in columns}
+
+
+def lost(whole: Gap, less: Gap) -> float:
+    """Explained fraction of the gap that is lost without a cause, with one noise floor for both. ``less``: the gap without it.
+
+    A fit without the cause takes a part of its displacements for noise.
+    """
+    return float(np.clip((less.after**2 - whole.after**2) / max(whole.before**2 - whole.floor**2, 1e-300), -1.0, 1.0))
+
+
+def without_certainty(found: Conclusion, whole: Gap, less: Mapping[Place, Gap]) -> Conclusion:
+    """The conclusion, in which a cause without which the errors of left-out poses are no larger is at most as likely as not.
+
+    Errors are compared by the product of those of positions and of measured orientations. ``whole``, ``less``: as :func:`gaps`
+    returns them.
+    """
+
+    def size(of: Gap) -> float:
+        return of.after if of.turns is None else of.after * of.turns.after
+
+    return found.bounded([c for c in found.classes if size(whole) >= size(less[c.place])], UNDECIDED)
 
 
 def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[Mask]) -> Floats:

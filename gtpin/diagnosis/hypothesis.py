@@ -112,6 +112,11 @@ class Hypothesis:
         """Covariates that the effect needs; where it needs none, its coordinates."""
         return frozenset(self.covariates(robot)) or self.coordinates(robot)
 
+    def clock(self, robot: Chain) -> frozenset[str] | None:
+        """What it depends on, where that is time alone or session alone: it then has no form of its own."""
+        drivers = self.drivers(robot)
+        return drivers if drivers in ({"time"}, {"session"}) else None
+
 
 @dataclass(frozen=True)
 class SmoothTerm:
@@ -152,6 +157,18 @@ def related(robot: Chain, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm
 def same_place(robot: Chain, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm) -> bool:
     """Whether two terms act at one site, or one of them at a part of the other's site."""
     return a.site == b.site or b.site in _within(robot, a.site) or a.site in _within(robot, b.site)
+
+
+def alike(robot: Chain, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm) -> bool:
+    """Whether one explanation could take up a part of the other: at one place, related, or within all links of a chain.
+
+    The links of a chain move with its joints: what all links do over commands or loads, a joint can do in part.
+    """
+    if same_place(robot, a, b) or related(robot, a, b):
+        return True
+    kinds = ({_kind(word) for word in one.drivers(robot)} for one in (a, b))
+    chained = robot.joint_sites and "arm" in (a.site, b.site) and not {"frame", "platform"} & {a.site, b.site}
+    return bool(chained and set.intersection(*kinds))
 
 
 def _kind(word: str) -> str:

@@ -259,7 +259,8 @@ def estimates(robot: Chain, active: ActiveEffect, hypothesis: Hypothesis) -> dic
     coefficients. They are not needed for the value: a mean or a median of draws of such a norm is too large, because the
     draws add the posterior's variance to coefficients that contain the noise already.
     """
-    sigmas = [sigma for _, sigma in hypothesis.lines]
+    least = [active.effect.least_sigma(robot, active.site, active.references, value) for value in active.values]
+    sigmas = [max(sigma, one) for (_, sigma), one in zip(hypothesis.lines, least, strict=True)]
     values, vectors = np.linalg.eigh(active.covariance)
     unit = np.random.default_rng(0).standard_normal((PARAMETER_DRAWS, len(values) + max(len(active.values), 1)))
     drawn = []

@@ -176,8 +176,10 @@ class HypothesisSet:
         of merged sessions, the logarithm of the number of ways to merge them.
         """
         unnamed = self.priors.unnamed if isinstance(term, SmoothTerm) else 0.0
-        divided = "session" in explained_by(term).drivers(self.design.operating_points.robot)
-        return self.threshold + unnamed + (self.of_sessions if divided else 0.0)
+        robot, one = self.design.operating_points.robot, explained_by(term)
+        carried = isinstance(one, Hypothesis) and one.site == "platform" and one.clock(robot) is not None
+        moved = self.priors.same_clock if carried else 0.0
+        return self.threshold + unnamed + moved + (self.of_sessions if "session" in one.drivers(robot) else 0.0)
 
     def share(self, term: Term, stronger: Term) -> float:
         """Share of a stronger term's evidence that is the penalty of ``term`` beside it."""

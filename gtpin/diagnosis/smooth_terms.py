@@ -23,6 +23,7 @@ from gtpin.effects.smooth import (
     session_columns,
     smooth_cosines,
     smooth_orders,
+    target_twist,
     wave,
 )
 from gtpin.typing import Floats
@@ -135,8 +136,7 @@ def _changed(at: OperatingPoints, site: str, waves: Sequence[Floats], size: Floa
 def _of_platform_and_frame(at: OperatingPoints, priors: Priors) -> Terms:
     """Motions of the target and tool on the platform, TCP frame, and of the measurement frame."""
     for over, waves, size in (*_conditions(at), *_force(at), *_position(at, 2, priors), *_approach(at)):
-        twist = np.zeros((len(at), 6, 6, waves.shape[1]))
-        twist[:, :3, :3] = twist[:, 3:, 3:] = at.poses.R[:, :, :, None] * waves[:, None, None, :]
+        twist = target_twist(at)[:, :, :, None] * waves[:, None, None, :]
         sigma = np.concatenate([np.full(3, priors.smooth_shift), np.full(3, priors.smooth_turn)])[:, None] * size
         yield SmoothTerm("platform", over, "twist"), Displacement(sigma.ravel(), twist=twist.reshape(len(at), 6, -1))
     freedoms, size6 = frame_twist(at)

@@ -10,7 +10,7 @@ from scipy.special import expit
 
 from gtpin.diagnosis.classes import ClassMember, class_of, ranked, with_two_instead
 from gtpin.diagnosis.evidence import NOTHING, Posterior, fixed, marginal_power, tuned, without
-from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term, related, same_place
+from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term, alike
 from gtpin.diagnosis.noise import SearchState, drive_beyond_noise, reestimate_noise
 from gtpin.diagnosis.priors import SURE, UNDECIDED
 from gtpin.diagnosis.result import Considered, Doubt, FlexibleFamily, Member, Undecided, Verdict
@@ -65,6 +65,14 @@ class Conclusion:
         """The conclusion with further doubts."""
         return replace(self, doubts=(*self.doubts, *doubts))
 
+    def bounded(self, causes: Collection[Hypothesis], most: float) -> Conclusion:
+        """The conclusion with a largest probability of the members of some causes' classes."""
+        classes = dict(self.classes)
+        for cause in causes:
+            share = min(most / classes[cause][0].probability, 1.0)
+            classes[cause] = tuple(replace(m, probability=share * m.probability) for m in classes[cause])
+        return replace(self, classes=classes)
+
     def only(self, hypotheses: HypothesisSet, causes: list[Hypothesis]) -> Conclusion:
         """The conclusion with only some of its causes."""
         classes = {cause: self.classes[cause] for cause in causes}
@@ -73,9 +81,20 @@ class Conclusion:
     def named_beside_unknown(self, hypotheses: HypothesisSet) -> Conclusion:
         """The conclusion with only the causes that stand beside something unknown, and with what is weak and undecided.
 
-        Of the others, the leader of a class is likely where it has 0.5 or more.
+        What is not sure may be a part of the unknown. A cause that gains less than it, and that a member of its class could
+        look like, may be no more than what that member leaves of the unknown. Of the others, the leader of a class is likely
+        where it has 0.5 or more.
         """
-        kept = [cause for cause in self.classes if cause in {*self.beside_unknown(), *self.also}]
+        robot, model, groups = hypotheses.design.operating_points.robot, self.whole(hypotheses), hypotheses.groups
+        loss = {cause: model.log_evidence - without(groups, model, cause).log_evidence for cause in self.classes}
+        beside, sure = {*self.beside_unknown(), *self.also}, self.sure()
+        open_ = [cause for cause in self.classes if cause not in sure]
+
+        def within(cause: Hypothesis, other: Hypothesis) -> bool:
+            members = (m.hypothesis for m in self.classes[other])
+            return loss[cause] < loss[other] and any(alike(robot, cause, member) for member in members)
+
+        kept = [c for c in self.classes if c in beside and not any(within(c, other) for other in open_)]
         leaders = [members[0] for cause, members in self.classes.items() if cause not in kept]
         if not leaders:
             return self
@@ -177,7 +196,7 @@ def decide(hypotheses: HypothesisSet, guess: Posterior[Term] = NOTHING) -> Concl
         named = hypotheses.only(better, (*_apart(hypotheses, better), *needed))
     named = without_redundant(hypotheses, named)
     # The smooth terms stay in the model while classes are compared: else an alternative would gain by what they explain.
-    classes = {cause: class_of(hypotheses, named, cause) for cause in causes(named)}
+    classes = {cause: class_of(hypotheses, named, cause, unlisted=bool(needed)) for cause in causes(named)}
     instead: list[tuple[str, str]] = []
     for cause in [cause for cause, members in classes.items() if cause.further and members[0].probability >= SURE]:
         if (replaced := _without_lines(hypotheses, named, cause)) is not None:
@@ -259,7 +278,7 @@ def _alike(hypotheses: HypothesisSet, cause: Hypothesis, smooth: Sequence[Smooth
     robot = hypotheses.design.operating_points.robot
     if cause.further and hypotheses.long:
         return False
-    return any(same_place(robot, cause, term) or related(robot, cause, term) for term in smooth)
+    return any(alike(robot, cause, term) for term in smooth)
 
 
 def without_redundant(hypotheses: HypothesisSet, named: Posterior[Term]) -> Posterior[Term]:

@@ -36,6 +36,8 @@ ORDER = [
     "frame_shift",
     "tracker_scale",
     "target_offset",
+    "target_drift",
+    "target_shift",
 ]
 """Order of effects in results: from the drives to the target. Effects that are not in it follow, by their ids."""
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.effects.displacement import Displacement, side_by_side
-from gtpin.effects.operating_points import OperatingPoints
+from gtpin.effects.operating_points import OperatingPoints, References
 from gtpin.effects.sites import actuators, number, turns
 from gtpin.effects.untestable import Untestable
 from gtpin.errors import warn
@@ -222,6 +222,10 @@ class Effect(ABC):
         ``others`` are values of the same cause that are in a model already. By default all values are distinguished.
         """
         return np.ones(len(values), dtype=bool)
+
+    def least_sigma(self, robot: Chain, site: str, references: References, value: float) -> float:
+        """Smallest standard deviation of a value of the nonlinear parameter that poses like those of the fit can give."""
+        return 0.0
 
     def forms(self, robot: Chain, site: str) -> Sequence[Sequence[int]]:
         """Of a description: the columns of B of each form that a mechanism with few parameters has."""

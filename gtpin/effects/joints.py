@@ -70,12 +70,19 @@ class JointCompliance(Effect):
 
 LEAST_LOAD = 1e-6
 """Smallest load on a joint's own axis, relative to the largest load on any joint. Smaller loads are rounding errors."""
+OPEN_TILT = 2e-3
+"""Smallest load on a joint's own axis, relative to its load in all directions. Derived: four times the usual tolerance of a
+joint's orientation, 0.5 mrad. A smaller load comes from a tilt that the geometry does not know, and even its sign is open."""
 
 
 def loaded(at: OperatingPoints, site: str) -> bool:
     """Whether a rod has a force, or a joint a force along its axis or a moment about it, at any pose."""
-    load = loads_of(at, site)[0]
-    return bool(np.abs(load).max() > LEAST_LOAD * max(float(np.abs(at.joint_loads).max()), 1e-3))
+    least = LEAST_LOAD * max(float(np.abs(at.joint_loads).max()), 1e-3)
+    if site in joints(at.robot):
+        part = slice(3, 6) if turns(at.robot, site) else slice(0, 3)
+        whole = at.joint_loads[:, joint_frame(at, site).index, part]
+        least = max(least, OPEN_TILT * float(np.linalg.norm(whole, axis=1).max()))
+    return bool(np.abs(loads_of(at, site)[0]).max() > least)
 
 
 def no_load(at: OperatingPoints) -> Untestable:

@@ -8,7 +8,17 @@ from gtpin.effects.displacement import Displacement
 from gtpin.effects.effect import Effect, Parameters, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.operating_points import OperatingPoints
-from gtpin.effects.smooth import FREEDOMS, cosines, frame_twist, session_columns, span, wave
+from gtpin.effects.smooth import (
+    FREEDOMS,
+    SHIFT,
+    TURN,
+    cosines,
+    frame_twist,
+    session_columns,
+    span,
+    target_twist,
+    wave,
+)
 from gtpin.typing import Floats
 
 DRIFT_ORDERS, DRIFT_DECAY = 8, 1.3
@@ -41,8 +51,7 @@ class TrackerDrift(Effect):
     needs = ("time",)
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        waves, size = cosines(np.clip(at.time, -1.0, 1.0), 1, DRIFT_ORDERS, DRIFT_DECAY)
-        return _of_frame(at, waves, size)
+        return _moved(*frame_twist(at), *_drift(at))
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         by_order = coefficients.reshape(-1, 6)
@@ -83,7 +92,7 @@ class FrameShift(Effect):
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         sessions = session_columns(at)
-        return _of_frame(at, sessions, np.ones(sessions.shape[1]))
+        return _moved(*frame_twist(at), sessions, np.ones(sessions.shape[1]))
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         by_session = coefficients.reshape(-1, 6)
@@ -96,10 +105,63 @@ class FrameShift(Effect):
         }
 
 
-def _of_frame(at: OperatingPoints, over: Floats, size: Floats) -> Displacement:
-    """Motions of the frame in its six degrees of freedom, each times the columns ``over`` (N, k); ``size``: (k,) of these."""
-    twist, freedom = frame_twist(at)
-    columns = (twist[:, :, None] * over[:, None, :, None]).reshape(len(at), 6, -1)
+class TargetDrift(TrackerDrift):
+    """dT = R s(t), dR = R w(t): the tool, or the target on it, shifts and turns smoothly with time.
+
+    The shift s, m, and the rotation vector w, rad, are in the TCP frame; R rotates from the TCP frame to the base frame. dT is
+    the deviation of the measured position, m, dR a rotation vector. Causes are a tool that warms up and grows, and a holder
+    that settles. A tool grows along its axis, the z axis of the TCP (ISO 9787); the shifts along x and y are smaller.
+
+    Parameters: ``shift_x``, ``_y``, ``_z``, m, and ``turn_x``, ``_y``, ``_z``, rad: s and w at the end of the fit's time
+    range less at its beginning; ``largest_shift``, m, and ``largest_turn``, rad: the largest difference between two times,
+    over the three axes.
+    """
+
+    id = "target_drift"
+    title = "drift of the tool or target"
+    clause = "the tool, or the target on {site}, drifts over time"
+    remedy = "Measure the tool's length when it is cold and warm; check the holders of tool and target."
+    acts_at = staticmethod(lambda _: ("platform",))
+
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
+        sizes = np.array([SHIFT * MODULATION.bending, SHIFT * MODULATION.bending, SHIFT, *[TURN] * 3])
+        return _moved(target_twist(at), sizes, *_drift(at))
+
+
+class TargetShift(FrameShift):
+    """dT = R s, dR = R w: the tool, or the target on it, sits elsewhere in each session.
+
+    The shift s, m, and the rotation vector w, rad, are constant in each session, in the TCP frame; R rotates from the TCP frame
+    to the base frame. dT is the deviation of the measured position, m, dR a rotation vector. Geometry absorbs the mean over the
+    sessions. In a prediction, a session that was not in the fit has the mean shift.
+
+    Parameters: ``shift_x[k]``, ``shift_y[k]``, ``shift_z[k]``, m, and ``turn_x[k]``, ``turn_y[k]``, ``turn_z[k]``, rad: s and w
+    of session k less their means over the sessions. Sessions are sorted by name.
+    """
+
+    id = "target_shift"
+    title = "shift of the tool or target between sessions"
+    clause = "the tool, or the target on {site}, sits elsewhere in each session"
+    since_a_model = False
+    remedy = "Measure the target's place on the platform in each session; use a holder with a stop."
+    acts_at = staticmethod(lambda _: ("platform",))
+
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
+        sessions = session_columns(at)
+        return _moved(target_twist(at), np.array([SHIFT] * 3 + [TURN] * 3), sessions, np.ones(sessions.shape[1]))
+
+
+def _drift(at: OperatingPoints) -> tuple[Floats, Floats]:
+    """(N, k) cosines over the time of the fit, and (k,) their sizes."""
+    return cosines(np.clip(at.time, -1.0, 1.0), 1, DRIFT_ORDERS, DRIFT_DECAY)
+
+
+def _moved(twist: Floats, freedom: Floats, over: Floats, size: Floats) -> Displacement:
+    """Motions ``twist`` (N, 6, 6) in six degrees of freedom, each times the columns ``over`` (N, k).
+
+    ``freedom``, ``size``: sizes of the degrees of freedom (6,) and of the columns (k,).
+    """
+    columns = (twist[:, :, None] * over[:, None, :, None]).reshape(len(twist), 6, -1)
     return Displacement(np.outer(size, freedom).ravel(), twist=columns)
 
 

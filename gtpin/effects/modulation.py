@@ -67,7 +67,10 @@ class Modulation:
     late_zero: float = 0.1
     """Change over time of the motion of a track's zero, in m times the expansion coefficient. Assumed."""
 
-    # The instrument.
+    # The instrument, and the tool.
+    bending: float = 0.25
+    """Shifts of a tool across its axis over those along it, where it drifts. Assumed: it grows along its axis, and bends where
+    it warms up unevenly."""
     wander: float = 0.05
     """Shift of the measured positions where the instrument's scale varies, in m times the scale. Assumed: the instrument is
     some metres away, and only a part of its scale varies."""

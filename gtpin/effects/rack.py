@@ -10,9 +10,10 @@ import numpy.typing as npt
 from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import ChainWords, Effect, Parameters, unit
 from gtpin.effects.modulation import MODULATION
-from gtpin.effects.operating_points import TURN, OperatingPoints
+from gtpin.effects.operating_points import TURN, OperatingPoints, References
 from gtpin.effects.sites import joints, tracks, turning_joint
 from gtpin.effects.smooth import drive_sizes
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 SHORTEST, LONGEST = 0.0045, 0.25
@@ -28,6 +29,11 @@ APART = 0.5
 """Smallest difference of two periods of one joint, and of one from none, in cycles over its range of commands. Derived: the
 Fourier resolution is one cycle; at half of it, the cosines of two periods have a correlation of sin(pi / 2) / (pi / 2) = 0.64.
 Nearer ones are one line whose amplitude changes, or no line."""
+
+FEW_PERIODS = 2.0
+"""Number of periods in a joint's range below which ``APART`` fewer can be as likely. A scan compares periods with all else
+fixed. Computed: of a cosine of n periods, one of n - 1/2 with a constant, a slope and a bend leaves 0.3 % of the power for
+n = 1, 5 % for 1.5, 25 % for 2, and half of it from 2.5 on."""
 
 
 class RackPeriodic(Effect):
@@ -85,6 +91,14 @@ class RackPeriodic(Effect):
         known = np.append(1.0 / np.asarray(others), 0.0)  # the slope of a period longer than twice the range is a scale
         apart = np.abs(cycles[:, None] - known).min(axis=1) * span
         return np.asarray(apart >= APART)
+
+    def least_sigma(self, robot: Chain, site: str, references: References, value: float) -> float:
+        """Of a period that the fit has seen less than twice: what half a period more or less in the same range makes of it."""
+        if not turning_joint(robot, site):
+            return 0.0
+        lower, upper = (float(ends[robot.sites.index(site)]) for ends in references.commands)
+        seen = (upper - lower) / value
+        return value * APART / seen if seen < FEW_PERIODS else 0.0
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         assert shape_parameter is not None

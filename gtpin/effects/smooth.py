@@ -81,6 +81,13 @@ def frame_twist(at: OperatingPoints) -> tuple[Floats, Floats]:
     return frame_motions(at.poses.T - at.kinematics.home.T[0]), np.array([SHIFT] * 3 + [TURN] * 3)
 
 
+def target_twist(at: OperatingPoints) -> Floats:
+    """(N, 6, 6) motion of the measured pose per unit shift, m, and turn, rad, of the target along and about the TCP's axes."""
+    twist = np.zeros((len(at), 6, 6))
+    twist[:, :3, :3] = twist[:, 3:, 3:] = at.poses.R
+    return twist
+
+
 def session_columns(at: OperatingPoints) -> Floats:
     """(N, sessions) 1 where a pose belongs to the session, otherwise 0.
 

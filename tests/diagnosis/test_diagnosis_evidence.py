@@ -133,6 +133,20 @@ def test_bends_gain_as_if_all_were_form_beside_a_form_of_their_size_and_little_w
         assert bound < free / 4.0
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(("spread", "named"), [(0.05, False), (1.0, True)])
+def test_an_effect_whose_core_the_data_hardly_determine_is_not_named_for_its_modulation(seed, spread, named):
+    """A load that hardly varies, beside a geometry that absorbs a constant: load times direction is the direction."""
+    rng = np.random.default_rng(seed)
+    m = 200
+    load, direction = 1.0 + spread * rng.standard_normal(m), rng.choice([-1.0, 1.0], m)
+    groups = Groups(Marginal(np.full((m, 1), 100.0)), rng.standard_normal(m) + 10.0 * load + 1.5 * direction)
+    groups.add("compliance", np.column_stack([10.0 * load, 0.5 * np.abs(load) * direction]), core=(0,))
+    groups.add("backlash", direction[:, None])
+    compliance, backlash = (gain(groups, NOTHING, name)[0] for name in ("compliance", "backlash"))
+    assert (compliance > backlash) == named
+
+
 @pytest.mark.parametrize("before", [("a", "c", "d"), ("c", "a"), ("d",)])
 @pytest.mark.parametrize("after", [("a", "c", "d"), ("c", "a"), ("d",), ("a",), ("c", "a", "d"), ("d", "a")])
 def test_a_group_exchanged_for_another_gives_the_model_with_the_other(dense, before, after):

@@ -1,0 +1,46 @@
+"""What left-out poses say of each cause: the share that is lost without it, and no certainty where nothing is lost."""
+
+import pytest
+
+from gtpin.diagnosis.classes import ClassMember
+from gtpin.diagnosis.evidence import NOTHING
+from gtpin.diagnosis.gap import lost, without_certainty
+from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.result import Gap, Turns
+from gtpin.diagnosis.verdict import Conclusion
+from gtpin.effects.catalogue import effects_by_id
+
+CAUSE, OTHER = (Hypothesis(effects_by_id()["backlash"], site) for site in ("cart1", "cart2"))
+
+
+def gap(after: float, floor: float = 2e-5, turned: float | None = None) -> Gap:
+    turns = None if turned is None else Turns(2e-4, turned, 5e-5)
+    return Gap(7e-5, after, floor, 0.5, None, turns=turns)
+
+
+def test_the_share_of_a_cause_is_counted_with_one_noise_floor():
+    """Squares, um^2: 4900 before, 400 of noise; 1600 with all causes, 2500 without this one."""
+    assert lost(gap(4e-5), gap(5e-5)) == pytest.approx(0.2)
+    assert lost(gap(4e-5), gap(5e-5, floor=4.9e-5)) == pytest.approx(0.2)
+    assert lost(gap(5e-5), gap(4e-5)) == pytest.approx(-0.2)
+
+
+@pytest.mark.parametrize(
+    ("without", "sure"),
+    [
+        (gap(5e-5), True),
+        (gap(4e-5), False),
+        (gap(3.9e-5), False),
+        (gap(3.9e-5, turned=2e-4), True),
+        (gap(4.1e-5, turned=1e-4), False),
+    ],
+)
+def test_a_cause_without_which_nothing_gets_worse_is_at_most_as_likely_as_not(without, sure):
+    turned = without.turns is not None
+    whole, other = gap(4e-5, turned=1.1e-4 if turned else None), gap(6e-5, turned=2e-4 if turned else None)
+    classes = {CAUSE: (ClassMember(CAUSE, 0.96), ClassMember(OTHER, 0.03)), OTHER: (ClassMember(OTHER, 1.0),)}
+    less = {CAUSE.place: without, OTHER.place: other}
+    found = without_certainty(Conclusion(NOTHING, classes, (), {}), whole, less)
+    assert found.classes[OTHER] == classes[OTHER]
+    assert found.classes[CAUSE] == classes[CAUSE] if sure else found.classes[CAUSE][0].probability == pytest.approx(0.5)
+    assert found.classes[CAUSE][1].probability == pytest.approx(0.03 if sure else 0.03 * 0.5 / 0.96)
