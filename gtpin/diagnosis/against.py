@@ -55,9 +55,11 @@ def gains_of_draws(
         variance = (shrunk @ (part**2).T).mean(axis=1)
         mean = mean.reshape(len(SCALES), len(part), -1)
         square = ((mean**2).mean(axis=1) + variance[:, None]) / s2
-        energy = np.einsum("kfs,fg,kgs->ks", mean, (part * values) @ part.T, mean, optimize=True)
-        whole = (shrunk**2 * values) @ (along**2).T
-        unsuited = (square < priors.least_core**2) | (energy + len(part) < priors.least_core**2 * whole)
+        inner = (part * values) @ part.T
+        energy = np.einsum("kfs,fg,kgs->ks", mean, inner, mean, optimize=True)
+        unsuited = square < priors.least_core**2
+        if np.trace(inner) > len(part):
+            unsuited |= energy + len(part) < priors.least_core**2 * ((shrunk**2 * values) @ (along**2).T)
         unsuited[0] = False  # as in `best_scales`
         gain = np.where(unsuited, -np.inf, gain)
     return np.asarray(gain.max(axis=0))

@@ -148,9 +148,9 @@ def best_scales(
         gain(s) = sum over j of [s^2 a_j^2 / (1 + s^2 lambda_j) - ln(1 + s^2 lambda_j)] / 2 - (ln s / scale_spread)^2 / 2.
 
     A scale is admitted only where the coefficients of the group's core have a root mean square of at least
-    ``priors.least_core`` times the scale (core and modulation in the glossary), and the core at least the square of this share
-    of the energy of the whole, to within the noise of its coefficients: where a load hardly varies, what depends on it is
-    hardly determined, and its modulation by the direction of approach is a backlash.
+    ``priors.least_core`` times the scale (core and modulation in the glossary). Where the data determine the core to better
+    than its typical size, it must also have at least the square of this share of the energy of the whole, to within the noise
+    of its coefficients: where a load hardly varies, a compliance whose hysteresis is all that shows is a backlash.
 
     ``grams``, ``moments``: (S, c, c) inner products of each group with itself and (S, c) with the residual, the rest of the
     model marginalised. ``core``: indices of the core's columns; empty where all columns are the core.
@@ -169,8 +169,10 @@ def best_scales(
         variance = np.einsum("sfj,ksj->ksf", part**2, shrunk, optimize=True)
         unsuited = ((mean**2 + variance) / s2).mean(axis=2) < priors.least_core**2
         whole = (values * (shrunk * along) ** 2).sum(axis=2)
-        energy = np.einsum("ksf,sfg,ksg->ks", mean, grams[:, own][:, :, own], mean, optimize=True)
-        unsuited |= energy + len(own) < priors.least_core**2 * whole
+        inner = grams[:, own][:, :, own]
+        energy = np.einsum("ksf,sfg,ksg->ks", mean, inner, mean, optimize=True)
+        seen = np.trace(inner, axis1=1, axis2=2) > len(own)
+        unsuited |= seen & (energy + len(own) < priors.least_core**2 * whole)
         unsuited[0] = False  # the smallest scale is always admitted, so that there is a gain
         gain = np.where(unsuited, -np.inf, gain)
     best = np.argmax(gain, axis=0)

@@ -12,6 +12,8 @@ import gtpin
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.errors import GtpinWarning
 
+pytestmark = pytest.mark.slow
+
 STEADY = MIDDLE, np.where([False, True, True, False, False, False], 0.1, HALF)
 """Ranges in which the loads of shoulder and elbow hardly vary."""
 AWAY = 5.0, 2.0, -8.2
