@@ -194,7 +194,7 @@ def drive_errors(hypotheses: HypothesisSet, model: Explanation, noise: ReadingNo
     if J.shape[2] > c:
         return None
     residual = design.coloured(left_over(hypotheses, model)[0])
-    instrument = replace(noise, repeatability=0.0, model_discrepancy=0.0).covariance(J, c)
+    instrument = replace(noise, repeatability=0.0).covariance(J, c)
     seen = np.linalg.solve(instrument, J)
     information = np.swapaxes(J, 1, 2) @ seen
     if np.linalg.cond(information).max() > SINGULAR:
