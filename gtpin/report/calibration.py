@@ -17,7 +17,6 @@ from gtpin.report.calibration_text import (
     calibration_summary,
     calibration_text,
     cannot_judge,
-    error_of,
     scatters,
     unseen_words,
 )
@@ -48,7 +47,7 @@ class CalibrationPresentation(FitPresentation):
     def short(self) -> str:
         """Numbers of parameters and poses, the errors, and chi-square."""
         c = self.calibration
-        sizes = [(error_of(b), quantity(b.before, b.unit), quantity(b.after, b.unit)) for b in c.by_instrument]
+        sizes = [(b.what, quantity(b.before, b.unit), quantity(b.after, b.unit)) for b in c.by_instrument]
         errors = "\n".join(f"{what}, RMS: {before} nominal, {after} calibrated" for what, before, after in sizes)
         return (
             f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} measurements\n"
@@ -120,8 +119,8 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
     changes, others = [], []
     for one in c.by_instrument:
         before, after, out = (quantity(value, one.unit) for value in (one.before, one.after, one.left_out))
-        changes.append(f"the {error_of(one)} from {before} to {after}")
-        others.append(out if len(c.by_instrument) == 1 else f"{out} ({error_of(one)})")
+        changes.append(f"the {one.what} from {before} to {after}")
+        others.append(out if len(c.by_instrument) == 1 else f"{out} ({one.what})")
     headline = (
         f"Calibration reduces {joined(changes)}, RMS, on the fitted poses. "
         f"At poses that are left out of the fit {'it is' if len(others) == 1 else 'they are'} {joined(others)}."
@@ -145,7 +144,7 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
 def _numbers(c: Calibration) -> list[tuple[str, str]]:
     numbers = []
     for one in c.by_instrument:
-        numbers.append((quantity(one.before, one.unit), f"{error_of(one)}, nominal"))
+        numbers.append((quantity(one.before, one.unit), f"{one.what}, nominal"))
         numbers.append((quantity(one.after, one.unit), "calibrated"))
         numbers.append((quantity(one.left_out, one.unit), "at poses left out of the fit"))
         numbers.append((quantity(one.floor, one.unit), "noise alone" if c.noise_known else UNKNOWN))

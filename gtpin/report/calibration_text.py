@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.calibration.observability import Remedy
-from gtpin.calibration.result import Calibration, InstrumentFit
+from gtpin.calibration.result import Calibration
 from gtpin.data.read_instruments import SIGMAS
 from gtpin.report.words import joined, length, quantity
 from gtpin.robot.geometry import Geometry
@@ -55,12 +55,14 @@ def calibration_summary(calibration: Calibration) -> str:
 
 def _fit(c: Calibration) -> str:
     lines = [f"Calibration of {c.model.robot.name}: {len(c.names)} parameters from {c.poses} measurements"]
+    if c.worse:
+        lines.insert(0, f"{c.worse[0].upper()}{c.worse[1:]}.")
     how = "" if any(overruled(c)) else "declare it, or "
     for one in c.by_instrument:
         unit = f"u{one.unit}"
         before, after, out, noise = (f"{1e6 * v:.1f} {unit}" for v in (one.before, one.after, one.left_out, one.floor))
         lines += [
-            f"  {error_of(one) + ', RMS':<33} {before} nominal -> {after} calibrated",
+            f"  {one.what + ', RMS':<33} {before} nominal -> {after} calibrated",
             f"    {'at poses left out of the fit':<31} {out}",
             f"    {'noise alone':<31} {noise if c.noise_known else f'not known: {how}repeat visits'}",
         ]
@@ -154,11 +156,6 @@ def _correlations(c: Calibration) -> str:
     return "\n".join(lines)
 
 
-def error_of(one: InstrumentFit) -> str:
-    """What an error is of, in words: of a tracker's poses where nothing else was measured, else of the instrument."""
-    return f"error of {one.name}" if one.name else {"m": "position error", "rad": "orientation error"}[one.unit]
-
-
 def nominal_words(c: Calibration) -> str:
     """Errors of the nominal geometry, RMS, in words."""
     named = sum(bool(one.name) for one in c.by_instrument) > 1
@@ -203,11 +200,8 @@ def noise_words(c: Calibration) -> list[str]:
 def noise_of_drives(c: Calibration) -> list[tuple[str, float]]:
     """What the actuators add to the instruments' noise, in words, and its size, m or rad."""
     how = "the residuals" if c.noise.source == "residuals" else "repeated visits"
-    sizes = {
-        f"repeatability of each actuator, from {how}": c.noise.repeatability,
-        "model error along single drives, correlated between neighbouring poses": c.noise.model_discrepancy,
-    }
-    return [(what, size) for what, size in sizes.items() if size > 0.0]
+    size = c.noise.repeatability
+    return [(f"repeatability of each actuator, from {how}", size)] if size > 0.0 else []
 
 
 def scatters(c: Calibration) -> str:
