@@ -17,6 +17,7 @@ from gtpin.report.calibration_text import (
     calibration_summary,
     calibration_text,
     cannot_judge,
+    elsewhere,
     scatters,
     unseen_words,
 )
@@ -125,6 +126,7 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
         f"Calibration reduces {joined(changes)}, RMS, on the fitted poses. "
         f"At poses that are left out of the fit {'it is' if len(others) == 1 else 'they are'} {joined(others)}."
     )
+    headline = " ".join([headline, *elsewhere(c)])
     if not c.explained:
         advice = [
             f"The mean residuals of the poses are {c.sigma_scale:.2f} times their noise: "

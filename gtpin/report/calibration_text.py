@@ -6,9 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gtpin.accuracy.expected import Uncertainty, response
+from gtpin.accuracy.workspace import default_commands
 from gtpin.calibration.observability import Remedy
 from gtpin.calibration.result import Calibration
 from gtpin.data.read_instruments import SIGMAS
+from gtpin.errors import UnreachableError
 from gtpin.report.words import joined, length, quantity
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
@@ -66,6 +69,7 @@ def _fit(c: Calibration) -> str:
             f"    {'at poses left out of the fit':<31} {out}",
             f"    {'noise alone':<31} {noise if c.noise_known else f'not known: {how}repeat visits'}",
         ]
+    lines += [f"  {words}" for words in elsewhere(c)]
     meaning = cannot_judge(c) or f"1 +- {np.sqrt(2.0 / c.dof):.2f} if it fits"
     lines += [
         f"  chi-square per degree of freedom  {c.chi2_per_dof:.2f}  ({meaning})",
@@ -154,6 +158,23 @@ def _correlations(c: Calibration) -> str:
     if len(pairs) > SHOWN:
         lines.append(f"  and {len(pairs) - SHOWN} more in calibration.json")
     return "\n".join(lines)
+
+
+def elsewhere(c: Calibration) -> list[str]:
+    """Where the error at left-out poses holds, and what the posterior of the parameters, with their priors, lets expect in the
+    rest of the workspace: a sentence, where that is more."""
+    try:
+        q = default_commands(c.model)
+        covariance = response(c.model, q, Uncertainty(c.covariance)).covariance[:, :3, :3]
+    except UnreachableError:
+        return []
+    expected = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
+    known = [one.left_out for one in c.by_instrument if one.kind == "tracker" and one.unit == "m"]
+    if not known or expected <= max(known):
+        return []
+    poses = c.model.predict(c.dataset.q[c.used(c.dataset)]).T
+    box = " x ".join(f"{size:.2g}" for size in np.ptp(poses, axis=0))
+    return [f"Left-out poses are within {box} m; in the rest of the workspace expect {length(expected)}."]
 
 
 def nominal_words(c: Calibration) -> str:
