@@ -156,6 +156,8 @@ def calibrate(
             return _calibrated(data, geometry, progress, doubt=not without, lacking=False)
 
         found = with_kept_effects(data, kept, robot, calibrated) if kept else calibrated(data)
+        if found.worse:
+            warn(found.worse)
     return replace(found, dataset=dataset, paper_model=model, warnings=dataset.told(texts))
 
 
@@ -277,7 +279,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, lon
 
 def _variances(fit: Fit[Problem], noise: ReadingNoise) -> Floats:
     """(N, c) variance of the noise of each number of a fit's rows, m^2 and rad^2; ``noise``: that of these rows."""
-    if noise.along_drives == 0.0 and noise.sight is None:
+    if noise.repeatability == 0.0 and noise.sight is None:
         return noise.each**2
     model, measured, found = fit.point.model, fit.problem.readings(fit.point.x), []
     for rows in fit.problem.chunks():

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gtpin.calibration.gauss_newton import Fit, fit
+from gtpin.calibration.left_out import left_out
 from gtpin.calibration.observability import Observability, observability
 from gtpin.calibration.problem import Problem
 from gtpin.distributions import chi2, f
@@ -178,6 +179,28 @@ class FitState:
             return self.fit
         weight = self.fit.weight
         return fit(self.fit.problem.noisier(factor / self.noise_scale), lambda _: weight, self.fit.point.x)
+
+    @cached_property
+    def _left_out(self) -> Floats:
+        """(N, c) errors of the rows when their pose is left out of the fit, m and rad; NaN of those that are not left out."""
+        problem = self.fit.problem
+        whitened, some = left_out(self.fit, stops(problem.measured.q, np.zeros(len(problem.measured.q))))
+        found = np.full((len(self.used), whitened.shape[1]), np.nan)
+        errors = np.linalg.solve(problem.whitening[some], whitened[some][..., None])[..., 0]
+        found[np.flatnonzero(self.used)[some]] = errors
+        return found
+
+    def predicts_better_than(self, other: FitState) -> bool:
+        """Whether poses that are left out have smaller errors than with another fit, in the geometric mean of the units."""
+        measured = self.fit.problem.measured
+        turns = np.zeros(self._left_out.shape, dtype=bool)
+        turns[self.used] = measured.group_turns[measured.group]
+        both = np.isfinite(self._left_out) & np.isfinite(other._left_out)
+        ratio = 0.0
+        for some in (both & turns, both & ~turns):
+            if some.any():
+                ratio += np.log((self._left_out[some] ** 2).mean() / (other._left_out[some] ** 2).mean())
+        return bool(ratio < 0.0)
 
     @cached_property
     def observability(self) -> Observability:

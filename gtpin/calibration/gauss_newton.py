@@ -30,6 +30,10 @@ on a real arm the first one gained 0.24 nats, and the next five at most 0.01 eac
 SLOW = 8
 """Number of steps after which a step is made longer while that lowers the cost. Where residuals are large, Gauss-Newton's
 curvature J'WJ can be a thousand times that of the cost, as of a free frame and target of a robot that rotates little."""
+CREEPING, FLAT = 100, 0.01
+"""Number of the last steps, and relative decrease of the cost in these, with which a fit that has not converged in all steps
+has found a flat valley: directions that the data do not determine. Assumed: a real arm whose commanded orientation never
+changes went from 0.8482 to 0.8454 in root mean square in 500 steps."""
 ROUNDING = 1e-6
 """Expected decrease, as a fraction of the cost, at which it has converged if no step lowers the cost: rounding errors."""
 
@@ -132,14 +136,14 @@ def fit(
     - ``inexact``: number of the first unknowns whose derivative leaves out small terms. Where no step lowers the cost and
       more than ``left_out`` is expected, the gradient by them is computed by central differences from there on.
 
-    Raises `ConvergenceError` if no minimum is found within `MAX_ITERATIONS` steps.
+    Raises `ConvergenceError` if no minimum is found within `MAX_ITERATIONS` steps, and the cost still decreases.
     """
     point = problem.point(np.zeros(problem.size) if x is None else x, near)
     if lost := np.count_nonzero(~point.poses.reached):
         what = f"{lost} poses can't be reached by the geometry that the fit starts from"
         raise ConvergenceError(what, hint="leave them out")
     residual = problem.residual(point)
-    damping, exact_steps = 0.0, 0
+    damping, exact_steps, costs = 0.0, 0, []
     for iteration in range(MAX_ITERATIONS):
         weight = weigh(residual)
         information, gradient = _normal_equations(problem, point, residual, weight)
@@ -150,7 +154,8 @@ def fit(
         cost = _cost(problem, point.x, residual, weight)
         if progress is not None:
             progress(iteration, float(np.sqrt((weight[:, None] * residual**2).mean())))
-        if iteration >= enough:
+        costs.append(cost)
+        if iteration >= enough or (iteration == MAX_ITERATIONS - 1 and costs[-CREEPING] <= (1.0 + FLAT) * cost):
             return Fit(problem, point, residual, weight, information, iteration)
         A, negligible = information + np.diag(problem.prior), max(ROUNDING * max(cost, 1.0), left_out)
         while True:

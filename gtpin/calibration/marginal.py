@@ -63,7 +63,7 @@ class MarginalLikelihood:
         problem, groups, k = outcome.problem, len(noise.sigma) + 1, outcome.problem.size
         c = outcome.residual.shape[1]
         # Sigmas of 1 m or rad where rows declare none, and without the drives' part.
-        unit = replace(noise, sigma=np.ones_like(noise.sigma), repeatability=0.0, model_discrepancy=0.0)
+        unit = replace(noise, sigma=np.ones_like(noise.sigma), repeatability=0.0)
         plain = replace(problem, whitening=unit.whitening(np.zeros((len(weight), c, 1)), c))
         residual = plain.residual(outcome.point)
         squares, counts = np.zeros(groups), np.zeros(groups)

@@ -72,7 +72,7 @@ class NoiseEstimator:
 
     def derivative(self, noise: ReadingNoise, rows: Indices | slice = slice(None)) -> Floats:
         """(M, c, n) ``by_command`` of some rows; zeros, which are not computed, where the noise has no part of the drives."""
-        if noise.along_drives > 0.0:
+        if noise.repeatability > 0.0:
             return self.by_command[rows]
         return np.broadcast_to(0.0, (len(self.near.T[rows]), self.whole.measured.components, 1))
 
@@ -130,25 +130,21 @@ class NoiseEstimator:
         weight, none = outcome.weight * used[fitted], np.zeros(outcome.problem.size, dtype=bool)
         best = MarginalLikelihood.of(outcome, noise.take(fitted), weight, none).best(noise.sigma, widen=False)
         dof = outcome.residual.size / max(len(noise.sigma), 1.0)
-        return replace(
-            noise, sigma=best.noise.sigma, repeatability=0.0, model_discrepancy=0.0, source="residuals", dof=dof
-        )
+        return replace(noise, sigma=best.noise.sigma, repeatability=0.0, source="residuals", dof=dof)
 
     def _with_repeatability(
         self, noise: ReadingNoise, outcome: Fit[Problem], used: Mask, residual: Floats
     ) -> ReadingNoise:
         """The noise with the machine's repeatability, if the residuals show one; for data with few repeated visits."""
         # An instrument's noise does not depend on the drives' directions, so residuals along the motions of single drives
-        # belong to the machine. They are repeatability only if they are independent from pose to pose. Where neighbouring poses
-        # have similar residuals, they are a model error (``model_discrepancy``), which enters the covariance in the same way.
+        # belong to the machine. They are repeatability only if they are independent from pose to pose: similar residuals of
+        # neighbouring poses are errors of the model. As noise along the drives they would let the fit off the positions.
         rows, whole = self._residuals(outcome, used, residual)
         estimate = from_repeats(noise.take(rows), whole, self.by_command[rows])
         if estimate.repeatability == 0.0:
             return noise
         shown = replace(noise, sigma=estimate.sigma, repeatability=estimate.repeatability)
-        if self._independent(outcome.point, shown, used):
-            return shown
-        return replace(shown, repeatability=0.0, model_discrepancy=shown.repeatability)
+        return shown if self._independent(outcome.point, shown, used) else noise
 
     @staticmethod
     def _residuals(outcome: Fit[Problem], used: Mask, residual: Floats) -> tuple[Indices, Floats]:
@@ -199,7 +195,7 @@ def noise_at(noise: ReadingNoise, measured: Readings) -> ReadingNoise:
 def same(one: ReadingNoise, two: ReadingNoise) -> bool:
     """Whether two successive estimates of the noise are equal, so that the iteration has converged."""
     close = np.abs(one.sigma - two.sigma) <= SETTLED * two.sigma
-    drives = abs(one.along_drives - two.along_drives) <= SETTLED * (two.sigma.min(initial=1.0) + two.along_drives)
+    drives = abs(one.repeatability - two.repeatability) <= SETTLED * (two.sigma.min(initial=1.0) + two.repeatability)
     return bool(close.all() and drives and abs(one.range_ratio - two.range_ratio) <= SETTLED * two.range_ratio)
 
 

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 
+WORSE = 1.05
+"""Error of the calibrated robot over that of the nominal one from which the fit is told to be worse. Assumed: noise, which a
+fit divides otherwise between positions and orientations, changes less."""
 CORRELATED = 0.7
 """Smallest absolute correlation of two parameters that is listed."""
 
@@ -52,6 +55,11 @@ class InstrumentFit:
     floor: float
     unit: str
     left_out: float
+
+    @property
+    def what(self) -> str:
+        """What the error is of, in words: of a tracker's poses where nothing else was measured, else of the instrument."""
+        return f"error of {self.name}" if self.name else {"m": "position error", "rad": "orientation error"}[self.unit]
 
     def to_json(self) -> dict[str, Any]:
         """As in ``calibration.json``."""
@@ -202,6 +210,13 @@ class Calibration(Shown):
     def noise_known(self) -> bool:
         """Whether the noise was declared, or shown by repeated visits, and not taken from the residuals."""
         return self.noise.source != "residuals"
+
+    @property
+    def worse(self) -> str:
+        """Which errors are larger than those of the nominal robot, in words; empty where none is."""
+        grown = [one for one in self.by_instrument if one.after > WORSE * one.before]
+        sizes = [f"{one.what} from {1e6 * one.before:.0f} to {1e6 * one.after:.0f} u{one.unit}" for one in grown]
+        return f"the fit makes the {' and the '.join(sizes)}: don't use this model" if sizes else ""
 
     @property
     def explained(self) -> bool:
@@ -358,7 +373,6 @@ def _noise_json(c: Calibration) -> dict[str, Any]:
             for (name, sigma, _), estimated in zip(sigmas, noise.estimated, strict=True)
         ],
         "repeatability": noise.repeatability,
-        "lack": noise.model_discrepancy,
         "range_ratio": noise.range_ratio if noise.sight is not None else None,
         "source": noise.source,
         "tail_freedom": c.freedom if np.isfinite(c.freedom) else None,

@@ -76,6 +76,7 @@ class RobustFit:
       widened.
     - ``found``: parameters whose tolerances are no statement on the machine: (p,) True for those of a free target. None:
       there are none.
+    - ``gaussian``: whether the noise counts as Gaussian, however heavy the tails of the residuals are.
     """
 
     whole: Problem
@@ -85,6 +86,7 @@ class RobustFit:
     progress: Progress | None = None
     lacking: bool = False
     found: Mask | None = None
+    gaussian: bool = False
 
     def run(self) -> FitState:
         """Iterate until rejected rows and noise do not change.
@@ -99,7 +101,12 @@ class RobustFit:
             part, fitted = self.take(rows).run(), np.zeros(len(self.rows), dtype=bool)
             fitted[rows[part.used]] = True
             part = replace(part, used=fitted, noise=part.noise.at_rows_of(self.estimator.first))
-            settled = self.with_geometry(part.fit.problem.start.geometry)._iterated(part)
+            own = self.with_geometry(part.fit.problem.start.geometry)
+            settled = own._iterated(part)
+        if settled.heavy and settled.noise.estimated.all() and not self.lacking:
+            # Tails of residuals whose noise nobody declared can be errors of the model: poses with large ones count in full.
+            plain = replace(own, gaussian=True)._iterated(settled)
+            settled = plain if plain.predicts_better_than(settled) else settled
         return replace(settled, geometry=self.whole.start.geometry)
 
     def take(self, rows: Indices) -> RobustFit:
@@ -299,6 +306,8 @@ class RobustFit:
         return max(weights.robust_scale(residual[rows]) for rows in self._in_used(used) if len(rows))
 
     def _tails(self, whitened: Floats, used: Mask) -> Tails:
+        if self.gaussian:
+            return tuple(weights.Tails() for _ in self._alike)
         some = whitened[used]
         return tuple(weights.Tails.of(some[rows]) if len(rows) else weights.Tails() for rows in self._in_used(used))
 

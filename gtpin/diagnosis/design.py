@@ -53,6 +53,9 @@ class Observed:
         """
         measured = Readings.of(dataset, baseline.model.robot, baseline.u)
         noise = noise_at(baseline.noise, measured)
+        # A sigma that visits contradict counts as declared: a cause can make repeated visits differ.
+        sigmas = zip(measured.declared, noise.sigma, strict=True)
+        noise = replace(noise, sigma=np.array([s if own is None else min(own, s) for own, s in sigmas]))
         if measured.tracked:
             noise = _without_repeatability(noise, measured, baseline.model)
         return Observed(
@@ -109,13 +112,13 @@ def _without_repeatability(noise: ReadingNoise, measured: Readings, model: Model
     part of the scatter is estimated too small.
     """
     sigma, estimated = noise.sigma, np.array([one is None for one in measured.declared])
-    if noise.along_drives > 0.0:
+    if noise.repeatability > 0.0:
         poses = model.kinematics.forward(measured.q)
         J = in_frame(model.kinematics.command_jacobian(measured.q, poses), model.frame)
-        own = noise.along_drives**2 * (J**2).sum(axis=2).mean(axis=0)
+        own = noise.repeatability**2 * (J**2).sum(axis=2).mean(axis=0)
         more = np.array([own[:3].mean(), own[3:].mean()])[: len(sigma)]
         sigma = np.where(estimated, np.sqrt(sigma**2 + more), sigma)
-    return replace(noise, sigma=sigma, estimated=estimated, repeatability=0.0, model_discrepancy=0.0)
+    return replace(noise, sigma=sigma, estimated=estimated, repeatability=0.0)
 
 
 @dataclass(frozen=True)

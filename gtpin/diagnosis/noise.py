@@ -215,7 +215,10 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
         key: getattr(baseline.instrument, key) for key, kind in SIGMAS if kind.start < baseline.residual.shape[1]
     }
     declared = {key: value for key, value in declared.items() if value is not None}
-    if not declared or baseline.chi2_per_dof < scope.priors.misfit:
+    # A sigma that visits contradict was estimated in the calibration: chi-square is that of the declared one.
+    sizes = [getattr(baseline.noise, key) / value for key, value in declared.items()]
+    misfit_declared = baseline.chi2_per_dof * max(sizes, default=1.0) ** 2
+    if not declared or misfit_declared < scope.priors.misfit:
         return {}
     sure = prepared.dataset.take(baseline.used(prepared.dataset))
     observed = Observed.of(sure, baseline).take(np.arange(len(sure))[:: 1 + len(sure) // MOST_COMPARED])
@@ -223,7 +226,7 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
     most = scope.priors.understated_once if repeats is None else scope.priors.understated
     if repeats is not None and all(getattr(repeats, key) <= most * value for key, value in declared.items()):
         return {}  # the smaller of the two estimates is no larger: no search is needed
-    noise = replace(observed.noise.scaled(float(np.sqrt(baseline.chi2_per_dof))), repeatability=0.0)
+    noise = replace(observed.noise.scaled(float(np.sqrt(misfit_declared))), repeatability=0.0)
     noise = replace(noise, estimated=np.ones_like(noise.estimated))
     guess: Posterior[Term] = NOTHING
     for _ in range(NOISE_SEARCHES):
@@ -301,7 +304,7 @@ class ShownNoise:
         if not known.any() and not np.isfinite(inferred.row_sigma).any():
             base = replace(inferred, estimated=~known)
         else:
-            base = replace(inferred, sigma=sigma, estimated=~known, repeatability=0.0, model_discrepancy=0.0)
+            base = replace(inferred, sigma=sigma, estimated=~known, repeatability=0.0)
         rows_open = np.unique(base.group[~np.isfinite(base.row_sigma)])
         assumed = bool((~known)[rows_open].any())
         residual, effective_parameters = left_over(hypotheses, guess)
@@ -310,11 +313,9 @@ class ShownNoise:
         if len(contrast) < LEAST_CONTRASTS:
             return ShownNoise(base, base, "residuals" if assumed else "declared", len(contrast))
         J = design.by_command_seen[rows]
-        found = from_repeats(replace(base, repeatability=0.0, model_discrepancy=0.0).take(rows), contrast, J)
+        found = from_repeats(replace(base, repeatability=0.0).take(rows), contrast, J)
         shown = np.bincount(base.group[rows].ravel(), minlength=len(sigma)) >= LEAST_CONTRASTS
-        noise = replace(
-            base, sigma=found.sigma, repeatability=found.repeatability, model_discrepancy=0.0, dof=found.dof
-        )
+        noise = replace(base, sigma=found.sigma, repeatability=found.repeatability, dof=found.dof)
         errors *= np.sqrt(design.count / max(design.count - effective_parameters, 1.0))
         noise = within_residuals(noise, errors, design.by_command_seen)
         shortened = tamed(contrast, found.group)

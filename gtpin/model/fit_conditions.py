@@ -69,7 +69,7 @@ class FitConditions:
         return FitConditions(
             position_sigma=noise.position_sigma,
             orientation_sigma=noise.orientation_sigma,
-            drives=noise.along_drives,
+            drives=noise.repeatability,
             misfit=float(np.sqrt(max(power, 1.0))),
             **mean,
         )

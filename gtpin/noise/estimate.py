@@ -143,7 +143,7 @@ def from_repeats(noise: ReadingNoise, contrast: Floats, by_command: Floats) -> R
         open_[group] = len(own) >= LEAST_CONTRASTS
         if open_[group]:
             sigma[group] = max(float(np.median(own)) / 0.6745, SMALLEST)
-    start = replace(noise, sigma=sigma, estimated=open_, repeatability=0.0, model_discrepancy=0.0)
+    start = replace(noise, sigma=sigma, estimated=open_, repeatability=0.0)
     rows, count, root = _alike(start, contrast, by_command)
     best = likeliest(start.take(rows), root, by_command[rows], np.ones(len(rows)), count)
     sigma = np.maximum(best.sigma, SMALLEST)
@@ -183,11 +183,11 @@ def within_residuals(noise: ReadingNoise, errors: Floats, by_command: Floats) ->
     Residuals have the noise, and errors of the model besides: they bound the noise from above. ``errors``: (N, c) residuals,
     m and rad, enlarged for the parameters of the fit. ``by_command``: (N, c, n) derivative of the readings by the commands.
     """
-    if noise.repeatability == 0.0:
+    fewer = 1.0 - np.sqrt(2.0 / errors.size)  # chi-square of a number, less one standard deviation of the mean
+    if noise.repeatability == 0.0 or (noise.whitened(by_command, errors) ** 2).mean() > fewer:
         return noise
     least = likeliest(noise, errors, by_command, np.ones(len(errors)))
-    size, smaller = (np.linalg.slogdet(n.covariance(by_command, errors.shape[1]))[1].sum() for n in (noise, least))
-    shown = smaller < size and misfit(noise, errors, by_command) - misfit(least, errors, by_command) > SHOWN
+    shown = misfit(noise, errors, by_command) - misfit(least, errors, by_command) > SHOWN
     return replace(noise, sigma=least.sigma, repeatability=least.repeatability) if shown else noise
 
 

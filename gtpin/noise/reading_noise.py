@@ -33,9 +33,6 @@ class ReadingNoise:
     - ``row_sigma``: (N, c) sigma that a row declares for a number; NaN where it declares none.
     - ``estimated``: (G,) whether the group's sigma was estimated from the data.
     - ``repeatability``: standard deviation with which every actuator returns to a command, m or rad.
-    - ``model_discrepancy``: standard deviation, m or rad, of errors along the motion of every actuator that the model does
-      not explain. They are similar at neighbouring poses, so they are not repeatability, but ``covariance`` treats them in
-      the same way.
     - ``sight``: (N, 3) unit vectors from a lone tracker to what it measures; None where its station is not known.
     - ``reach``: (N,) distance from there, divided by the mean distance; None where ``sight`` is None.
     - ``range_ratio``: noise along the line of sight divided by noise across it, at the mean distance. A position's sigma is
@@ -49,7 +46,6 @@ class ReadingNoise:
     row_sigma: Floats
     estimated: Mask
     repeatability: float = 0.0
-    model_discrepancy: float = 0.0
     sight: Floats | None = None
     reach: Floats | None = None
     range_ratio: float = 1.0
@@ -76,11 +72,6 @@ class ReadingNoise:
         return float(self.sigma[1]) if len(self.sigma) > 1 else USUAL_TURN
 
     @property
-    def along_drives(self) -> float:
-        """Root of the sum of the squares of ``repeatability`` and ``model_discrepancy``, m or rad."""
-        return float(np.hypot(self.repeatability, self.model_discrepancy))
-
-    @property
     def each(self) -> Floats:
         """(N, c) sigma of each number."""
         return np.where(np.isfinite(self.row_sigma), self.row_sigma, self.sigma[self.group])
@@ -90,14 +81,14 @@ class ReadingNoise:
         own = np.asarray(self.each[:, :, None] ** 2 * np.eye(components))
         if self.sight is not None and self.reach is not None:
             own[:, :3, :3] = self.sigma[0] ** 2 * sight_shape(self.sight, self.reach, self.range_ratio)
-        if self.along_drives > 0.0:
-            J = self.along_drives * by_command[:, :components]
+        if self.repeatability > 0.0:
+            J = self.repeatability * by_command[:, :components]
             own += J @ np.swapaxes(J, 1, 2) + ROUNDED * (J**2).sum(axis=(1, 2))[:, None, None] * np.eye(components)
         return own
 
     def whitening(self, by_command: Floats, components: int) -> Floats:
         """(N, c, c) matrices W with W'W the inverse of the covariance; a read-only view where all are equal."""
-        if self.along_drives == 0.0 and self.sight is None:
+        if self.repeatability == 0.0 and self.sight is None:
             if self.group.strides[0] == 0 and self.row_sigma.strides[0] == 0:
                 return np.broadcast_to(np.diag(1.0 / self.each[0]), (len(self.group), components, components))
             return np.asarray(np.eye(components) / self.each[:, :, None])
@@ -136,7 +127,6 @@ class ReadingNoise:
             sigma=self.sigma * factor,
             row_sigma=self.row_sigma * factor,
             repeatability=self.repeatability * factor,
-            model_discrepancy=self.model_discrepancy * factor,
         )
 
     def sized_as(self, other: object) -> ReadingNoise:

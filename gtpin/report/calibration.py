@@ -14,7 +14,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.model.departures import departures
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
-from gtpin.report.calibration_text import cannot_judge, error_of, lost, scatters, unseen_words
+from gtpin.report.calibration_text import cannot_judge, elsewhere, lost, scatters, unseen_words
 from gtpin.report.geometry import geometry_line, geometry_table
 from gtpin.report.page import Lead, Table
 from gtpin.report.provenance import provenance
@@ -54,7 +54,7 @@ class CalibrationPresentation(FitPresentation):
         tone, badge, headline, advice = _verdict(c)
         return Lead(
             f"{self.title} · {len(c.names)} parameters from {c.poses} measurements",
-            "\n".join(filter(None, (geometry_line(found), headline))),
+            "\n".join(filter(None, (geometry_line(found), headline, *elsewhere(c)))),
             advice,
             _numbers(c),
             badge,
@@ -107,6 +107,8 @@ class CalibrationPresentation(FitPresentation):
 
 def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
     """Tone, badge, headline and advice."""
+    if c.worse:
+        return "bad", "worse than nominal", f"{c.worse[0].upper()}{c.worse[1:]}.", []
     if not c.explained:
         headline = (
             f"Geometry alone does not explain these data: the mean residuals of the poses are {c.sigma_scale:.2f} times their "
@@ -119,7 +121,7 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
     for one in lost(c):
         before, out = (quantity(value, one.unit) for value in (one.before, one.left_out))
         headline = (
-            f"These poses are too few for {len(c.names)} parameters: at poses left out of the fit, the {error_of(one)} is "
+            f"These poses are too few for {len(c.names)} parameters: at poses left out of the fit, the {one.what} is "
             f"{out}, and {before} with the nominal geometry."
         )
         return "bad", "too few poses", headline, []
@@ -135,7 +137,7 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
 def _numbers(c: Calibration) -> list[tuple[str, str]]:
     numbers = []
     for one in c.by_instrument:
-        numbers.append((quantity(one.before, one.unit), f"nominal geometry: {error_of(one)}, RMS"))
+        numbers.append((quantity(one.before, one.unit), f"nominal geometry: {one.what}, RMS"))
         numbers.append((quantity(one.left_out, one.unit), "calibrated geometry, at left-out poses"))
         numbers.append((quantity(one.floor, one.unit), "noise alone" if c.noise_known else UNKNOWN))
     meaning = ", which can't judge the fit here" if cannot_judge(c) else f", 1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"

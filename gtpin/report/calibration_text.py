@@ -6,10 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gtpin.accuracy.expected import Uncertainty, response
+from gtpin.accuracy.workspace import default_commands
 from gtpin.calibration.observability import Remedy
 from gtpin.calibration.result import Calibration, InstrumentFit
 from gtpin.data.read_instruments import SIGMAS
 from gtpin.diagnosis.priors import PRIORS
+from gtpin.errors import UnreachableError
 from gtpin.report.words import joined, length, quantity
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
@@ -34,9 +37,21 @@ ALONG = 0.9
 direction, for which the sentence names this growth or this parameter alone. Assumed."""
 
 
-def error_of(one: InstrumentFit) -> str:
-    """What an error is of, in words: of a tracker's poses where nothing else was measured, else of the instrument."""
-    return f"error of {one.name}" if one.name else {"m": "position error", "rad": "orientation error"}[one.unit]
+def elsewhere(c: Calibration) -> list[str]:
+    """Where the error at left-out poses holds, and what the posterior of the parameters, with their priors, lets expect in the
+    rest of the workspace: a sentence, where that is more."""
+    try:
+        q = default_commands(c.model)
+        covariance = response(c.model, q, Uncertainty(c.covariance)).covariance[:, :3, :3]
+    except UnreachableError:
+        return []
+    expected = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
+    known = [one.left_out for one in c.by_instrument if one.kind == "tracker" and one.unit == "m"]
+    if not known or expected <= max(known):
+        return []
+    poses = c.model.predict(c.dataset.q[c.used(c.dataset)]).T
+    box = " x ".join(f"{size:.2g}" for size in np.ptp(poses, axis=0))
+    return [f"Left-out poses are within {box} m; in the rest of the workspace expect {length(expected)}."]
 
 
 def lost(c: Calibration) -> list[InstrumentFit]:
@@ -88,11 +103,8 @@ def noise_words(c: Calibration) -> list[str]:
 def noise_of_drives(c: Calibration) -> list[tuple[str, float]]:
     """What the actuators add to the instruments' noise, in words, and its size, m or rad."""
     how = "the residuals" if c.noise.source == "residuals" else "repeated visits"
-    sizes = {
-        f"repeatability of each actuator, from {how}": c.noise.repeatability,
-        "model error along single drives, correlated between neighbouring poses": c.noise.model_discrepancy,
-    }
-    return [(what, size) for what, size in sizes.items() if size > 0.0]
+    size = c.noise.repeatability
+    return [(f"repeatability of each actuator, from {how}", size)] if size > 0.0 else []
 
 
 def scatters(c: Calibration) -> str:

@@ -1,6 +1,7 @@
 """What a calibration tells: its JSON, its text, and the model that it leaves behind."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -156,3 +157,13 @@ def test_a_model_without_its_urdf_is_refused(tmp_path, case):
     (tmp_path / "nominal.urdf").unlink()
     with pytest.raises(GtpinError, match=r"nominal\.urdf"):
         gtpin.read_model(tmp_path)
+
+
+def test_a_fit_that_is_worse_than_the_nominal_robot_is_told_on_the_first_line():
+    _, found = calibrated()
+    assert not found.worse
+    position, orientation = found.by_instrument
+    grown = replace(orientation, before=orientation.after, after=2.0 * orientation.after)
+    worse = replace(found, by_instrument=(position, grown))
+    first = worse.summary().splitlines()[0]
+    assert re.match(r"The fit makes the orientation error from \d+ to \d+ urad: don't use this model\.", first)

@@ -1,6 +1,7 @@
 """A real machine: 108 poses of Jugglebot."""
 
 import warnings
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -52,26 +53,32 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt((values**2).mean()))
 
 
-def test_calibration_leaves_hardly_more_than_the_least_that_48_parameters_can() -> None:
-    """A plain least-squares fit of leg lengths is the least: 0.41 mm by the README of the poses."""
-    calibration = calibrated(dataset())
-    left = legs(dict(zip(calibration.names, calibration.model.geometry.values, strict=True)), dataset())
+def test_poses_that_are_left_out_come_as_near_as_by_plain_least_squares_of_leg_lengths() -> None:
+    """In position and orientation. Leg lengths alone that fit leaves 0.41 mm of, by the README of the poses."""
     names = list(nominal("stewart_jugglebot").parameters())
     at = np.array([start(name, nominal("stewart_jugglebot")) for name in names])
-    plain = least_squares(lambda x: 1e3 * legs(dict(zip(names, x, strict=True)), dataset()).ravel(), at, method="lm")
-    least = float(np.sqrt((plain.fun**2).mean())) * 1e-3
-    assert len(calibration.names) == len(names) == 48
-    assert rms(left) <= 0.43e-3
-    assert rms(left) <= 1.02 * least
+    off: dict[str, list[np.ndarray]] = {"gtpin": [], "plain": []}
+    for held in random(dataset(), 4):
+        train, test = dataset().take(~held), dataset().take(held)
+        mine = calibrated(train).model
+        assert mine.geometry.names == tuple(names)
+        plain = least_squares(
+            lambda x, d=train: 1e3 * legs(dict(zip(names, x, strict=True)), d).ravel(), at, method="lm"
+        )
+        other = replace(mine, geometry=mine.geometry.with_values(plain.x))
+        for name, model in (("gtpin", mine), ("plain", other)):
+            seen = model.predict(test.q, test.covariates)
+            turn = Rotation.from_quat(test.orientation, scalar_first=True) * Rotation.from_matrix(seen.R).inv()
+            off[name].append(np.hstack([test.position - seen.T, turn.as_rotvec()]))
+    mine, plain = (np.sqrt((np.concatenate(off[name]) ** 2).mean(axis=0)) for name in ("gtpin", "plain"))
+    for unit in (slice(0, 3), slice(3, 6)):
+        assert rms(mine[unit]) <= 1.02 * rms(plain[unit])
 
 
-def test_what_the_noise_is_made_of_is_told_without_repeats() -> None:
-    """Nobody declared the noise: most of it lies along single legs, and neighbouring poses share it."""
+def test_what_neighbouring_poses_share_is_no_repeatability() -> None:
     noise = calibrated(dataset()).noise
     assert noise.source == "residuals"
     assert noise.repeatability == 0.0
-    assert 0.2e-3 < noise.model_discrepancy < 0.6e-3
-    assert noise.position_sigma < 0.3 * noise.model_discrepancy
 
 
 def test_the_causes_that_are_named_make_poses_that_were_not_fitted_come_nearer() -> None:

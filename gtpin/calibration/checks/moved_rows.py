@@ -152,7 +152,7 @@ class FrameScan:
         F = np.concatenate([motions(problem, point, part)[:, :, :6] for part in parts])
         y = problem.residual(point) + J @ point.x
         colour = np.linalg.inv(problem.whitening)
-        plain = replace(noise, repeatability=0.0, model_discrepancy=0.0)
+        plain = replace(noise, repeatability=0.0)
         again = plain.whitening(np.zeros((len(y), 6, 1)), problem.measured.components) @ colour
         lengths = colour[:, :3, :] @ F
         rows = np.arange(len(y))

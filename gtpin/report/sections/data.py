@@ -11,7 +11,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.data.names import lookalikes
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.report.calibration_text import cannot_judge, error_of, noise_of_drives, noise_words, scatters
+from gtpin.report.calibration_text import cannot_judge, noise_of_drives, noise_words, scatters
 from gtpin.report.diagnosis_json import gap_method
 from gtpin.report.page import Block, Fold, Heading, Section, Small, Table
 from gtpin.report.residuals import columns_of
@@ -49,7 +49,7 @@ def data(r: Reported) -> Section:
 
 
 def _fitted(c: Calibration) -> list[str]:
-    return [f"{quantity(one.after, one.unit)} ({error_of(one)})" for one in c.by_instrument]
+    return [f"{quantity(one.after, one.unit)} ({one.what})" for one in c.by_instrument]
 
 
 def _counts(dataset: Dataset) -> str:
