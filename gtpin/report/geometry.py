@@ -81,7 +81,7 @@ def geometry_line(found: Sequence[Departure]) -> str:
     left = size_of(np.sum([one.displacement for one in found if one is not first], axis=0)) if found[1:] else 0.0
     if left**2 < MOST * whole**2:
         return f"Geometry: {what}."
-    return f"Geometry: many parameters displace the TCP by {length(whole)} together; the largest: {what}."
+    return f"Geometry: many parameters displace the TCP by {length(whole)} together; the largest that is determined: {what}."
 
 
 def all_departures(found: Sequence[Departure]) -> Table:

@@ -14,7 +14,7 @@ from gtpin.diagnosis.discrimination import MOST_ROUNDS
 from gtpin.diagnosis.result import Diagnosis, Experiment, HealthCheck, Lacking, Visits
 from gtpin.diagnosis.trials import as_usual, kind, with_nights
 from gtpin.effects.operating_points import Column
-from gtpin.report.page import Block, Fold, Note, Small, Table
+from gtpin.report.page import Block, Fold, Note, Table
 from gtpin.report.phrases import known_as, reason_words
 from gtpin.report.words import chance, coordinate_words, covariate_unit, joined, site_words, typeset, whole, with_unit
 from gtpin.robot.chain import Chain
@@ -69,7 +69,7 @@ def experiment_notes(d: Diagnosis) -> Iterator[Note]:
                 words += f". Other poses are as good ({other:.1f}): the conditions that are set matter, not the poses"
             elif other is not None:
                 words += f", compared with {other:.1f} for as many random poses"
-            content.append(Small(f"{words}."))
+            content.append(f"{words}.")
         head = [f"q{j + 1}" for j in range(e.robot.n_actuators)]
         head += [with_unit(name, covariate_unit(name, e.robot)) for name in e.covariates]
         rows = []

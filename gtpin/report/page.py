@@ -97,18 +97,10 @@ class Bars:
 
 
 @dataclass(frozen=True)
-class Small:
-    """A paragraph in small print."""
-
-    words: str
-
-
-@dataclass(frozen=True)
 class Heading:
-    """A heading inside a section, and its id; empty where nothing links to it."""
+    """A heading inside a section."""
 
     words: str
-    id: str = ""
 
 
 @dataclass(frozen=True)
@@ -146,7 +138,7 @@ class Plots:
     choices: Sequence[PlotChoice] = ()
 
 
-Block = str | Table | Bars | Small | Heading | Items | Fold | Note | Plots
+Block = str | Table | Bars | Heading | Items | Fold | Note | Plots
 """A part of a section; a text is a paragraph."""
 
 
@@ -239,8 +231,7 @@ def in_terminal(content: Iterable[Block]) -> Iterator[RenderableType]:
             case Plots():
                 pass
             case _:
-                words = block.words if isinstance(block, Small) else block
-                yield words.striptags() if isinstance(words, Markup) else words
+                yield block.striptags() if isinstance(block, Markup) else block
 
 
 class PagePresentation(Presentation):

@@ -10,7 +10,7 @@ from markupsafe import Markup, escape
 from gtpin.effects.effect import Effect
 from gtpin.report.effect_curves import curve_notes, curve_plots, reach
 from gtpin.report.next_experiment import experiment_notes
-from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Plots, Section, Small, Table
+from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Plots, Section, Table
 from gtpin.report.phrases import clause, explained_part, named, of_robot, others, parameter, sentence
 from gtpin.report.sections import Reported, section
 from gtpin.report.words import capital, chance
@@ -36,11 +36,11 @@ def the_causes(r: Reported) -> Section | None:
             words += f" It explains of the gap{given}: {part}."
         if far := reach(found):
             words += f" {capital(far)}."
-        content += [Heading(named(effect, c.site), f"cause-{k + 1}"), words, Table(("parameter", "value"), rows)]
+        content += [Heading(named(effect, c.site)), words, Table(("parameter", "value"), rows)]
         if paragraphs := meaning(effect, d.model.robot):
-            content.append(Fold("What they mean", [Small(words) for words in paragraphs]))
+            content.append(Fold("What they mean", paragraphs))
         if found:
-            content += [Plots(curve_plots(f"cause-{k + 1}", found)), *map(Small, curve_notes(found))]
+            content += [Plots(curve_plots(f"cause-{k + 1}", found)), *curve_notes(found)]
     return Section("causes", "The causes", content)
 
 

@@ -13,7 +13,7 @@ from gtpin.data.names import lookalikes
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.report.calibration_text import cannot_judge, noise_of_drives, noise_words, scatters
 from gtpin.report.diagnosis_json import gap_method
-from gtpin.report.page import Block, Fold, Heading, Section, Small, Table
+from gtpin.report.page import Block, Fold, Heading, Section, Table
 from gtpin.report.residuals import columns_of
 from gtpin.report.sections import Reported, section
 from gtpin.report.words import counted, covariate_unit, joined, length, quantity, whole, with_unit
@@ -44,7 +44,7 @@ def data(r: Reported) -> Section:
     content.append(Fold("Ranges of commands and covariates", [_ranges(r)]))
     if d is not None:
         words = f"The gap is computed on poses that were not fitted: {gap_method(d.gap)}. {_two_floors(d)}"
-        content.append(Small(words.rstrip()))
+        content.append(words.rstrip())
     return Section("data", "Data", content)
 
 
