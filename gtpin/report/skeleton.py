@@ -11,8 +11,7 @@ import numpy as np
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.placed import frame_of_anchor, frame_of_joint, frame_of_tcp
 from gtpin.model.model import Model
-from gtpin.robot.chain import Chain
-from gtpin.robot.moving_links import moving_links
+from gtpin.robot.chain import Chain, moving_links
 from gtpin.typing import Floats
 
 Kind = Literal["track", "arm", "bracket", "rod", "link", "fixed"]

@@ -15,8 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError, warn
-from gtpin.robot.mjcf_masses import SHOWN, Masses
-from gtpin.robot.mjcf_values import JOINTS, MAIN, Part, Values, exact_text, without_objects
+from gtpin.robot.mjcf_values import JOINTS, MAIN, SHOWN, Masses, Part, Values, exact_text, without_objects
 from gtpin.robot.tree import TOOL, Tree
 from gtpin.typing import Floats
 
