@@ -372,7 +372,7 @@ class Masses:
             self.unread.setdefault(what, []).append(name)
         if geom.get("shellinertia") == "true" and weighs:
             self.unread.setdefault("shellinertia is not read, the geoms count as solids", []).append(name)
-        return at.act(pin.Inertia(mass, np.zeros(3), np.zeros((3, 3)) if solid is None else mass * solid[1]))
+        return at.act(pin.Inertia(mass, np.zeros(3), np.zeros((3, 3)) if solid is None else mass * solid[1].inertia))
 
     def _option(self, key: str, default: str, count: int) -> Floats:
         return self.values.numbers(self.values.compiler, key, default, count)
@@ -389,25 +389,18 @@ def _parts_of_bodies(root: Element, values: Values) -> Iterator[list[Part]]:
             yield own
 
 
-def _solid(shape: str, size: Floats) -> tuple[float, Floats] | None:
-    """Volume, m3, and inertia about the centre over the mass, (3, 3), m2, of a homogeneous solid; None for other shapes."""
-    if shape == "sphere":
-        r = size[0]
-        return 4.0 / 3.0 * math.pi * r**3, 0.4 * r**2 * np.eye(3)
-    if shape in ("box", "ellipsoid") and len(size) == 3:
-        x, y, z = size**2
-        diagonal = np.diag([y + z, x + z, x + y])
-        return (
-            (8.0 * size.prod(), diagonal / 3.0)
-            if shape == "box"
-            else (4.0 / 3.0 * math.pi * size.prod(), diagonal / 5.0)
-        )
-    if shape in ("cylinder", "capsule") and len(size) >= 2:
-        r, h = size[0], size[1]  # h is half the length
-        tube, caps = math.pi * r**2 * 2.0 * h, 4.0 / 3.0 * math.pi * r**3 if shape == "capsule" else 0.0
-        if tube + caps == 0.0:
-            return None
-        across = tube * (r**2 / 4.0 + h**2 / 3.0) + caps * (0.4 * r**2 + h**2 + 0.75 * h * r)
-        along = tube * r**2 / 2.0 + caps * 0.4 * r**2
-        return tube + caps, np.diag([across, across, along]) / (tube + caps)
-    return None
+def _solid(shape: str, size: Floats) -> tuple[float, Any] | None:
+    """Volume, m3, and ``pinocchio.Inertia`` of 1 kg of a homogeneous solid; None for other shapes, or without volume."""
+    needed = {"sphere": 1, "cylinder": 2, "capsule": 2, "box": 3, "ellipsoid": 3}
+    if len(size) < needed.get(shape, 4):
+        return None
+    r, h = size[0], size[min(1, len(size) - 1)]  # h is half the length
+    ball, tube = 4.0 / 3.0 * math.pi, 2.0 * math.pi * r**2 * h
+    volume, make, sizes = {
+        "sphere": (ball * r**3, pin.Inertia.FromSphere, (r,)),
+        "cylinder": (tube, pin.Inertia.FromCylinder, (r, 2.0 * h)),
+        "capsule": (tube + ball * r**3, pin.Inertia.FromCapsule, (r, 2.0 * h)),
+        "box": (8.0 * size.prod(), pin.Inertia.FromBox, tuple(2.0 * size)),
+        "ellipsoid": (ball * size.prod(), pin.Inertia.FromEllipsoid, tuple(size)),
+    }[shape]
+    return (float(volume), make(1.0, *map(float, sizes))) if volume else None
