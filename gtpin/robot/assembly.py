@@ -23,6 +23,9 @@ CLOSED = 1e-9
 """Gap, m, below which a search has closed the loops."""
 SAME = 1e-3
 """Difference of passive coordinates, m and rad, below which two searches have found one posture."""
+SMALL = 0.2
+"""Motion of passive joints, m and rad, up to which a posture that closes the loops from the named home counts as this home.
+Assumed: smaller than the difference of assembly modes."""
 NUDGE = 0.1
 """Change of the home commands, m and rad, by which motions of loops are examined that close only by an exact geometry."""
 ROUNDED = 5e-3
@@ -88,7 +91,10 @@ def assemble(robot: ConstrainedModel) -> Assembly:
     elif not robot.n_passive or _largest_gap(robot, start) <= NEAR:
         configuration = start
     else:
-        configuration = _nearest(robot, start, notes)
+        configuration, gap = closest(robot, start) if robot.description.posture else (start, np.inf)
+        moved = pin.difference(robot.model, start, configuration)[robot.passive]
+        if gap > CLOSED * robot.size or np.abs(moved).max() > SMALL:
+            configuration = _nearest(robot, start, notes)
     chosen, gap, free = bool(notes), _largest_gap(robot, configuration), np.zeros((robot.n_passive, 0))
     slopes = _slopes(robot, configuration)
     if _null_space(slopes, CLEAR).shape[1]:
@@ -142,7 +148,7 @@ def _check_frames(robot: ConstrainedModel, configuration: Floats, gap: float, no
     loops = robot.description.loops
     left = {loop.name: own for loop, own in zip(loops, robot.gaps().reshape(-1, 3), strict=True)}
     apart = max(float(np.linalg.norm(left[loop.name] - left[loop.point_of])) for loop in loops if loop.point_of) / LEVER
-    if apart > CLOSED * robot.size:
+    if apart > CLOSED * robot.size and not robot.description.planes:  # those of a calibrated geometry are named
         stay = f"the frames of a fixed loop of {robot.name} stay {1e3 * apart:.2g} mrad apart"
         notes.append(f"{stay}, about axes about which its joints do not turn")
 
@@ -257,12 +263,13 @@ def _which(robot: ConstrainedModel, found: list[Floats]) -> str:
     homes = list(dict.fromkeys(_home_element(robot, one) if urdf else _coordinates(robot, one) for one in found))
     more = f", and {len(homes) - SHOWN} more" if len(homes) > SHOWN else ""
     others = f"; others are {', '.join(homes[1:SHOWN])}{more}" if len(homes) > 1 else ""
-    where = f"{robot.name} has no <home>, and its loops don't close with its passive joints at zero"
+    where, start = f"{robot.name} has no <home>, and its loops don't close with its passive joints at zero", "zero"
     choose = "put one of these elements into <gtpin> to choose its assembly"
     if not urdf:
-        where = f"the loops of {robot.name} are open at its {'keyframe' if robot.description.posture else 'initial posture'}"
+        where = f"the loops of {robot.name} are open at its initial posture"
         choose = "give a <key> of <keyframe> near one of them to choose its assembly"
-    start = "zero" if not robot.description.posture else "it"
+    if robot.description.posture:
+        where, start = f"the loops of {robot.name} are open at its home", "it"
     return f"{where}: the closed posture nearest to {start} is taken, {homes[0]}{others}; {choose}"
 
 
@@ -354,7 +361,7 @@ def _undetermined(robot: ConstrainedModel, home: Floats, notes: list[str]) -> Fl
     if not free.shape[1]:
         return free
     nudge = TELLING * np.random.default_rng(0).uniform(0.5, 1.0, robot.n_actuators)
-    there, gap = closest(robot.with_commands(home, robot.home_q + nudge))
+    there, gap = closest(robot, robot.with_commands(home, robot.home_q + nudge))
     near = _null_space(_slopes(robot, there))
     if gap > 1e-9 * robot.size or near.shape[1] < free.shape[1]:
         return np.zeros((robot.n_passive, 0))  # a singularity at home: paths from there say so

@@ -37,15 +37,13 @@ def with_home(
         hint = f"give {len(names)} finite numbers, of {', '.join(names)}"
         raise RobotError(f"home of {len(q)} numbers for {description.name}", column="home", hint=hint)
     root = parse_xml(description.xml, description.source)
-    own = root.find("gtpin")
-    own = SubElement(root, "gtpin") if own is None else own
-    posture = {**near, **{name: (float(value),) for name, value in zip(names, q, strict=True)}}
+    own = _own(root)
     for home in own.findall("home"):
         own.remove(home)
     home = SubElement(own, "home")
-    for name, values in posture.items():
+    for name, values in {**near, **{name: (float(value),) for name, value in zip(names, q, strict=True)}}.items():
         SubElement(home, "joint", name=name, value=exact_text(np.array(values)))
-    return RobotDescription.parse(tostring(root, encoding="unicode"), description.source, description.kind)
+    return _parsed(root, description)
 
 
 def with_actuators(description: RobotDescription, names: Sequence[str]) -> RobotDescription:
@@ -58,47 +56,47 @@ def with_actuators(description: RobotDescription, names: Sequence[str]) -> Robot
     Raises `RobotError` if a name is not that of a joint that can be commanded, or comes twice.
     """
     own_names = tuple(actuator.joint for actuator in description.actuators)
-    if not names or tuple(names) == own_names:
-        return _without_resting_loops(description, own_names)
-    follows = {mimic.joint: mimic.master for mimic in description.tree.mimics}
+    driven = tuple(names) or own_names
+    root = parse_xml(description.xml, description.source)
+    if driven != own_names:
+        _check(description, driven)
+        own = _own(root)
+        before = {element.get("joint"): element for element in own.findall("actuator")}
+        for element in before.values():
+            own.remove(element)
+        home = own.find("home")
+        if home is not None and description.home is not None:
+            q = dict(zip(before, description.home.q, strict=False))
+            home.set("q", " ".join(repr(q.get(name, 0.0)) for name in driven))
+        for place, name in enumerate(driven):
+            own.insert(place, before.get(name, Element("actuator", joint=name)))
+    rests = bool(driven and description.loops) and remove_resting_loops(root, driven, description.source)
+    return _parsed(root, description) if rests or driven != own_names else description
+
+
+def _check(description: RobotDescription, names: Sequence[str]) -> None:
+    moving, follows = description.tree.moving, {mimic.joint: mimic.master for mimic in description.tree.mimics}
     for number, name in enumerate(names):
+        what, hint = "", "name each joint once"
         if name in follows:
-            raise _error(f"{name} follows {follows[name]} by <mimic>", f"name {follows[name]} in its place")
-        if name not in description.tree.moving:
-            known = ", ".join(description.tree.moving[:12]) + (" ..." if len(description.tree.moving) > 12 else "")
-            raise _error(f"{description.name} has no moving joint {name!r}", f"moving joints are {known or 'none'}")
-        if name in names[:number]:
-            raise _error(f"{name} comes twice", "name each joint once")
-    root = parse_xml(description.xml, description.source)
+            what, hint = f"{name} follows {follows[name]} by <mimic>", f"name {follows[name]} in its place"
+        elif name not in moving:
+            known = ", ".join(moving[:12]) + (" ..." if len(moving) > 12 else "")
+            what, hint = f"{description.name} has no moving joint {name!r}", f"moving joints are {known or 'none'}"
+        elif name in names[:number]:
+            what = f"{name} comes twice"
+        if what:
+            raise RobotError(what, column="actuators", hint=hint)
+
+
+def _own(root: Element) -> Element:
+    """The ``<gtpin>`` of a URDF's outer element; a new one where it has none."""
     own = root.find("gtpin")
-    if own is None:
-        own = Element("gtpin")
-        root.append(own)
-    before = {element.get("joint"): element for element in own.findall("actuator")}
-    for element in before.values():
-        own.remove(element)
-    home = own.find("home")
-    if home is not None and description.home is not None:
-        q = dict(zip(before, description.home.q, strict=False))
-        home.set("q", " ".join(repr(q.get(name, 0.0)) for name in names))
-    for place, name in enumerate(names):
-        own.insert(place, before.get(name, Element("actuator", joint=name)))
-    described = RobotDescription.parse(tostring(root, encoding="unicode"), description.source, description.kind)
-    return _without_resting_loops(described, names)
+    return SubElement(root, "gtpin") if own is None else own
 
 
-def _without_resting_loops(description: RobotDescription, driven: Sequence[str]) -> RobotDescription:
-    """The description without the loops that no actuator moves; itself where there are none, or no actuators."""
-    if not description.loops or not driven:
-        return description
-    root = parse_xml(description.xml, description.source)
-    if not remove_resting_loops(root, driven, description.source):
-        return description
+def _parsed(root: Element, description: RobotDescription) -> RobotDescription:
     return RobotDescription.parse(tostring(root, encoding="unicode"), description.source, description.kind)
-
-
-def _error(what: str, hint: str) -> RobotError:
-    return RobotError(what, column="actuators", hint=hint)
 
 
 def remove_resting_loops(root: Element, driven: Collection[str], source: str) -> bool:
@@ -125,7 +123,7 @@ def remove_resting_loops(root: Element, driven: Collection[str], source: str) ->
         root.remove(loop)
     for own in root.findall("gtpin"):
         for plane in own.findall("plane"):
-            if plane.get("loop") in names:
+            if plane.get("loop", "").removesuffix(".x").removesuffix(".y") in names:
                 own.remove(plane)
     return bool(resting)
 
