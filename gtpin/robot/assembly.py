@@ -19,6 +19,8 @@ NEAR = 0.02
 Assumed."""
 ATTEMPTS = 20
 """Largest number of starts: from zero, then from random coordinates. Assumed."""
+EXACT = 1e-15
+"""Relative change of gaps and of passive coordinates at which a search ends: that of rounding errors."""
 CLOSED = 1e-9
 """Gap, m, below which a search has closed the loops."""
 SAME = 1e-3
@@ -178,28 +180,21 @@ def _left_open(robot: ConstrainedModel, configuration: Floats, gap: float) -> st
     )
 
 
-def closest(robot: ConstrainedModel, configuration: Floats, tolerance: float = 1e-15) -> tuple[Floats, float]:
-    """Configuration with the smallest gaps that least squares find from another one at its commands, and the largest gap, m.
-
-    ``tolerance``: relative change of the gaps and of the passive coordinates at which the search ends.
-    """
+def closest(robot: ConstrainedModel, configuration: Floats) -> tuple[Floats, float]:
+    """Configuration with the smallest gaps that least squares find from another one at its commands, and the largest gap, m."""
     if not robot.n_passive:
         return configuration, _largest_gap(robot, configuration)
+
+    def off(x: Floats) -> Floats:
+        return _gaps(robot, _moved(robot, configuration, x))
 
     def slopes(x: Floats) -> Floats:
         _gaps(robot, _moved(robot, configuration, x))
         return np.asarray(robot.seeking @ robot.gaps_jacobian()[:, robot.passive])
 
-    found = least_squares(
-        lambda x: _gaps(robot, _moved(robot, configuration, x)),
-        np.zeros(robot.n_passive),
-        # Coordinates of a floating platform do not add up, so that the derivative by all of them is not that of Pinocchio.
-        slopes if all(robot.model.nvs[j] == 1 for j in range(1, robot.model.njoints)) else "2-point",
-        ftol=tolerance,
-        xtol=tolerance,
-        gtol=tolerance,
-        max_nfev=100,
-    )
+    # Coordinates of a floating platform do not add up, so that the derivative by all of them is not that of Pinocchio.
+    way: Any = slopes if all(robot.model.nvs[j] == 1 for j in range(1, robot.model.njoints)) else "2-point"
+    found = least_squares(off, np.zeros(robot.n_passive), way, ftol=EXACT, xtol=EXACT, gtol=EXACT, max_nfev=100)
     return _moved(robot, configuration, found.x), float(np.abs(found.fun).max(initial=0.0))
 
 
@@ -312,7 +307,9 @@ def _at_declared_home(robot: ConstrainedModel, start: Floats) -> Floats:
         start[platform.idx_q : platform.idx_q + 7] = pin.SE3ToXYZQUAT(parent.inverse() * wanted)
 
     def at(x: Floats) -> Floats:
-        return _moved(robot, start, np.bincount(np.flatnonzero(turned), x, len(free)))
+        every = np.zeros(len(free))
+        every[turned] = x
+        return _moved(robot, start, every)
 
     def off(x: Floats) -> Floats:
         gap, here = _gaps(robot, at(x)), robot.data.oMi[robot.home_joint]
