@@ -11,9 +11,8 @@ from gtpin.effects.displacement import Displacement, of_lengths, rods_of
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import links_at
 from gtpin.kinematics.rotations import skew
-from gtpin.robot.chain import Chain
+from gtpin.robot.chain import Chain, MovingLink
 from gtpin.robot.constrained_model import joint_axis
-from gtpin.robot.moving_links import MovingLink
 from gtpin.robot.parameters import rotation_axes
 from gtpin.robot.placement_frames import frame_of_joint, frame_of_tcp
 from gtpin.typing import Floats

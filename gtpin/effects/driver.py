@@ -18,8 +18,7 @@ from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import guided, links, turns
 from gtpin.errors import DatasetError
 from gtpin.kinematics.rotations import frame_motions
-from gtpin.robot.chain import Chain
-from gtpin.robot.moving_links import moving_links
+from gtpin.robot.chain import Chain, moving_links
 from gtpin.typing import Floats
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from gtpin.robot.chain import Chain
-from gtpin.robot.moving_links import MovingLink, moving_links
+from gtpin.robot.chain import Chain, MovingLink, moving_links
 
 
 def actuators(robot: Chain) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from gtpin.data.instrument_tables import EncoderTable
 from gtpin.errors import DatasetError, RobotError
 from gtpin.instruments.instrument import Component, Instrument, Unknown
 from gtpin.kinematics.poses import Poses
-from gtpin.robot.measured_joints import measured_joint
+from gtpin.robot.chain import measured_joint
 from gtpin.typing import Floats
 
 

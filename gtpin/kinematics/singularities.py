@@ -19,8 +19,8 @@ from gtpin.kinematics.kinematics import nominal
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.kinematics.robot import Robot
 from gtpin.real import real
+from gtpin.robot.assembly import ZERO
 from gtpin.robot.chain import Chain
-from gtpin.robot.constraints import ZERO
 from gtpin.typing import Floats, Ints
 
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")

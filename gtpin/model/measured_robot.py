@@ -9,9 +9,8 @@ from pathlib import Path
 
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError, ModelError, RobotError
-from gtpin.robot.chain import Chain
+from gtpin.robot.chain import Chain, readable
 from gtpin.robot.library import load_robot
-from gtpin.robot.measured_joints import readable
 
 PLACES = ("platform", "frame")
 """Sites that are no joints and no links."""

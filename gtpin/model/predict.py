@@ -45,7 +45,7 @@ def predict(model: Model, commands: Commands) -> Poses:
             f"{robot.name} can't reach pose {commands.pose[first]}{more} from its home without opening its loops",
             file=commands.file,
             row=int(commands.row[first]),
-            hint="leave it out, or check its commands, and the assembly that <home> chooses",
+            hint="leave it out, or check its commands, and the assembly that its home chooses",
         )
     return poses
 

@@ -13,7 +13,7 @@ from gtpin.effects.displacement import Displacement, along_track, of_lengths
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import links_at, tracks, turning_joint
 from gtpin.report.words import travel_words
-from gtpin.robot.moving_links import MovingLink
+from gtpin.robot.chain import MovingLink
 from gtpin.robot.parameters import rotation_axes
 from gtpin.typing import Floats
 

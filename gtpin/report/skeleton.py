@@ -10,8 +10,7 @@ import numpy as np
 
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.model.model import Model
-from gtpin.robot.chain import Chain
-from gtpin.robot.moving_links import moving_links
+from gtpin.robot.chain import Chain, moving_links
 from gtpin.robot.placement_frames import frame_of_anchor, frame_of_joint, frame_of_tcp
 from gtpin.typing import Floats
 

@@ -7,13 +7,10 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.robot.constrained_model import ConstrainedModel, joint_axis, joint_jacobian
-from gtpin.robot.constraints import gaps, gaps_jacobian, is_determined, undetermined
+from gtpin.robot.constrained_model import POSTURES, ConstrainedModel, in_planes, joint_axis, joint_jacobian
 from gtpin.robot.description import LEVER
-from gtpin.robot.planar_loops import POSTURES
 from gtpin.typing import Floats
 
 NEAR = 0.02
@@ -21,17 +18,34 @@ NEAR = 0.02
 Assumed."""
 ATTEMPTS = 20
 """Largest number of starts: from zero, then from random coordinates. Assumed."""
+EXACT = 1e-15
+"""Relative change of gaps and of passive coordinates at which a search ends: that of rounding errors."""
 CLOSED = 1e-9
 """Gap, m, below which a search has closed the loops."""
 SAME = 1e-3
 """Difference of passive coordinates, m and rad, below which two searches have found one posture."""
+SMALL = 0.2
+"""Motion of passive joints, m and rad, up to which a posture that closes the loops from the named home counts as this home.
+Assumed: smaller than the difference of assembly modes."""
 NUDGE = 0.1
 """Change of the home commands, m and rad, by which motions of loops are examined that close only by an exact geometry."""
 ROUNDED = 5e-3
 """Angle, rad, between axes up to which they count as parallel where the loops close only so: a right angle and half a turn of
 three digits, 1.57 and 3.14, are off by 0.8 and 1.6 mrad, and a loop has several."""
+ZERO = 1e-7
+"""Ratio to the largest singular value of the closures' derivative below which a singular value is zero. URDFs have five digits
+or more, but the closures are exact at home, and a joint that is not needed has a singular value of rounding errors."""
+CLEAR = 1e-2
+"""Such a ratio at a posture whose loops are closed to some millimetres, above which all passive motions are determined."""
+TELLING = 1e-2
+"""Change of the home commands, m and rad, by which a singularity at home is told from a motion that is never determined."""
+NEGLIGIBLE = 0.05
+"""Smallest weight of a joint that is named."""
+
 SHOWN = 4
 """Largest number of assemblies that a warning names."""
+NAMED = 8
+"""Largest number of joints that are named."""
 
 
 @dataclass(frozen=True)
@@ -66,10 +80,11 @@ def assemble(robot: ConstrainedModel) -> Assembly:
     zero, if its loops nearly close. If they do not, it is the nearest closed posture, of those within the joints' ranges if
     there is one.
 
-    Loops that close only because axes are exactly parallel or meet in one point are told to the robot as planar:
+    Loops that close only because axes are exactly parallel or meet in one point are left open across their motion:
     see :func:`_without_redundant`.
 
-    Raises `RobotError` if a passive motion that the loops do not determine moves the TCP.
+    Raises `RobotError` if a passive motion that the loops do not determine moves the TCP, or if the frames of loops of type
+    ``fixed`` can't meet.
     """
     start, notes = robot.start, list[str]()
     if robot.description.home is not None:
@@ -77,26 +92,21 @@ def assemble(robot: ConstrainedModel) -> Assembly:
     elif not robot.n_passive or _largest_gap(robot, start) <= NEAR:
         configuration = start
     else:
-        configuration = _nearest(robot, start, notes)
-    chosen = bool(notes)
-    gap, free = _largest_gap(robot, configuration), np.zeros((robot.n_passive, 0))
-    if not is_determined(robot, configuration):
+        configuration, gap = closest(robot, start) if robot.description.posture else (start, np.inf)
+        moved = pin.difference(robot.model, start, configuration)[robot.passive]
+        if gap > CLOSED * robot.size or np.abs(moved).max() > SMALL:
+            configuration = _nearest(robot, start, notes)
+    chosen, gap, free = bool(notes), _largest_gap(robot, configuration), np.zeros((robot.n_passive, 0))
+    slopes = _slopes(robot, configuration)
+    if _null_space(slopes, CLEAR).shape[1]:
         exact, gap = closest(robot, configuration)
         if gap <= CLOSED * robot.size:
-            configuration, free = exact, undetermined(robot, exact, lambda x: closest(robot, x), notes)
-    if robot.closing(np.zeros(3 * len(robot.constraints))).size > robot.n_passive - free.shape[1]:
+            configuration, free = exact, _undetermined(robot, exact, notes)
+    if len(slopes) > robot.n_passive - free.shape[1]:
         configuration, gap = _without_redundant(robot, configuration, notes)
     if any(loop.point_of for loop in robot.description.loops):
         configuration, gap = closest(robot, configuration)
-        if gap > tolerance(robot):
-            what = f"the frames of the loops of {robot.name} don't meet: {gap:.3g} m is the smallest gap found of their points"
-            raise robot.description.error(
-                what, f"mend the joints or the frames; up to {tolerance(robot):.2g} m is rounding"
-            )
-        apart = _turned_apart(robot, configuration)
-        if apart > CLOSED * robot.size:
-            stay = f"the frames of a fixed loop of {robot.name} stay {1e3 * apart:.2g} mrad apart"
-            notes.append(f"{stay}, about axes about which its joints do not turn")
+        _check_frames(robot, configuration, gap, notes)
     return Assembly(configuration, gap, free, chosen, tuple(notes))
 
 
@@ -117,15 +127,31 @@ def _without_redundant(robot: ConstrainedModel, configuration: Floats, notes: li
     near = [exact, *(closest(robot, robot.with_commands(exact, q))[0] for q in nudged)]
     before, planes = robot.planes, robot.planes_of(robot.relative_motions(near), ROUNDED)
     planes = tuple(own if len(own) else new for own, new in zip(before, planes, strict=True))
-    _gaps(robot, exact)
     robot.leave_open(planes)
     found, gap = closest(robot, exact)
-    robot.leave_open(before)
-    left = _gaps(robot, found)
-    robot.leave_open(planes)
-    if np.abs(left).max(initial=0.0) > CLOSED * robot.size:
-        notes.append(_left_open(robot, found, float(np.abs(left).max())))
+    _gaps(robot, found)
+    left = float(np.abs(in_planes(before) @ robot.gaps()).max(initial=0.0))
+    if left > CLOSED * robot.size:
+        notes.append(_left_open(robot, found, left))
     return found, gap
+
+
+def _check_frames(robot: ConstrainedModel, configuration: Floats, gap: float, notes: list[str]) -> None:
+    """Refuse frames of loops of type ``fixed`` whose points stay open by a gap, m; ``notes`` is told of angles left."""
+    if gap > tolerance(robot):
+        what = (
+            f"the frames of the loops of {robot.name} don't meet: {gap:.3g} m is the smallest gap found of their points"
+        )
+        raise robot.description.error(
+            what, f"mend the joints or the frames; up to {tolerance(robot):.2g} m is rounding"
+        )
+    _gaps(robot, configuration)
+    loops = robot.description.loops
+    left = {loop.name: own for loop, own in zip(loops, robot.gaps().reshape(-1, 3), strict=True)}
+    apart = max(float(np.linalg.norm(left[loop.name] - left[loop.point_of])) for loop in loops if loop.point_of) / LEVER
+    if apart > CLOSED * robot.size and not robot.description.planes:  # those of a calibrated geometry are named
+        stay = f"the frames of a fixed loop of {robot.name} stay {1e3 * apart:.2g} mrad apart"
+        notes.append(f"{stay}, about axes about which its joints do not turn")
 
 
 def tolerance(robot: ConstrainedModel) -> float:
@@ -153,36 +179,24 @@ def _left_open(robot: ConstrainedModel, configuration: Floats, gap: float) -> st
     )
 
 
-def closest(robot: ConstrainedModel, configuration: Floats, tolerance: float = 1e-15) -> tuple[Floats, float]:
-    """Configuration with the smallest gaps that least squares find from another one at its commands, and the largest gap, m.
-
-    ``tolerance``: relative change of the gaps and of the passive coordinates at which the search ends.
-    """
+def closest(robot: ConstrainedModel, configuration: Floats) -> tuple[Floats, float]:
+    """Configuration with the smallest gaps that least squares find from another one at its commands, and the largest gap, m."""
     from scipy.optimize import least_squares
 
     if not robot.n_passive:
         return configuration, _largest_gap(robot, configuration)
-    every = np.ones(robot.n_passive, dtype=bool)
 
     def off(x: Floats) -> Floats:
-        return _gaps(robot, _turned(robot, configuration, every, x))
+        return _gaps(robot, _moved(robot, configuration, x))
 
     def slopes(x: Floats) -> Floats:
-        off(x)
-        return np.asarray(robot.seeking @ gaps_jacobian(robot)[:, robot.passive])
+        _gaps(robot, _moved(robot, configuration, x))
+        return np.asarray(robot.seeking @ robot.gaps_jacobian()[:, robot.passive])
 
     # Coordinates of a floating platform do not add up, so that the derivative by all of them is not that of Pinocchio.
-    exact = all(robot.model.nvs[j] == 1 for j in range(1, robot.model.njoints))
-    found = least_squares(
-        off,
-        np.zeros(robot.n_passive),
-        slopes if exact else "2-point",
-        ftol=tolerance,
-        xtol=tolerance,
-        gtol=tolerance,
-        max_nfev=100,
-    )
-    return _turned(robot, configuration, every, found.x), float(np.abs(found.fun).max(initial=0.0))
+    way: Any = slopes if all(robot.model.nvs[j] == 1 for j in range(1, robot.model.njoints)) else "2-point"
+    found = least_squares(off, np.zeros(robot.n_passive), way, ftol=EXACT, xtol=EXACT, gtol=EXACT, max_nfev=100)
+    return _moved(robot, configuration, found.x), float(np.abs(found.fun).max(initial=0.0))
 
 
 def _nearest(robot: ConstrainedModel, start: Floats, notes: list[str]) -> Floats:
@@ -192,19 +206,19 @@ def _nearest(robot: ConstrainedModel, start: Floats, notes: list[str]) -> Floats
     the file's last digits are. ``notes`` is told which one it is.
     """
     rng = np.random.default_rng(0)
-    every, found = np.ones(robot.n_passive, dtype=bool), list[tuple[Floats, float, Floats]]()
+    found = list[tuple[Floats, float, Floats]]()
     lower, upper = _ranges(robot, start)
     best, smallest = start, np.inf
     for attempt in range(ATTEMPTS):
         x = np.clip(0.0, lower, upper)
         if attempt:
             x = rng.uniform(np.maximum(lower, -np.pi), np.minimum(upper, np.pi))
-        configuration, gap = closest(robot, _turned(robot, start, every, x))
+        configuration, gap = closest(robot, _moved(robot, start, x))
         if gap < smallest:
             best, smallest = configuration, gap
         moved = _within_a_turn(robot, pin.difference(robot.model, start, configuration)[robot.passive])
         if gap <= tolerance(robot) and all(np.abs(moved - other).max() > SAME for other, *_ in found):
-            found.append((moved, gap, _turned(robot, start, every, moved)))
+            found.append((moved, gap, _moved(robot, start, moved)))
     found = [one for one in found if one[1] <= CLOSED * robot.size] or found  # else closed but for rounded numbers
     if not found:
         return best
@@ -217,15 +231,6 @@ def _nearest(robot: ConstrainedModel, start: Floats, notes: list[str]) -> Floats
     found.sort(key=order)
     notes.append(_which(robot, [configuration for *_, configuration in found]))
     return found[0][-1]
-
-
-def _turned_apart(robot: ConstrainedModel, configuration: Floats) -> float:
-    """Largest angle, rad, between the frames that loops of type ``fixed`` join."""
-    _gaps(robot, configuration)
-    loops = robot.description.loops
-    left = {loop.name: gap for loop, gap in zip(loops, gaps(robot).reshape(-1, 3), strict=True)}
-    apart = [np.linalg.norm(left[loop.name] - left[loop.point_of]) for loop in loops if loop.point_of]
-    return float(max(apart)) / LEVER
 
 
 def _ranges(robot: ConstrainedModel, start: Floats) -> tuple[Floats, Floats]:
@@ -254,12 +259,13 @@ def _which(robot: ConstrainedModel, found: list[Floats]) -> str:
     homes = list(dict.fromkeys(_home_element(robot, one) if urdf else _coordinates(robot, one) for one in found))
     more = f", and {len(homes) - SHOWN} more" if len(homes) > SHOWN else ""
     others = f"; others are {', '.join(homes[1:SHOWN])}{more}" if len(homes) > 1 else ""
-    where = f"{robot.name} has no <home>, and its loops don't close with its passive joints at zero"
+    where, start = f"{robot.name} has no <home>, and its loops don't close with its passive joints at zero", "zero"
     choose = "put one of these elements into <gtpin> to choose its assembly"
     if not urdf:
-        where = f"the loops of {robot.name} are open at its {'keyframe' if robot.description.posture else 'initial posture'}"
+        where = f"the loops of {robot.name} are open at its initial posture"
         choose = "give a <key> of <keyframe> near one of them to choose its assembly"
-    start = "zero" if not robot.description.posture else "it"
+    if robot.description.posture:
+        where, start = f"the loops of {robot.name} are open at its home", "it"
     return f"{where}: the closed posture nearest to {start} is taken, {homes[0]}{others}; {choose}"
 
 
@@ -291,73 +297,113 @@ def _at_declared_home(robot: ConstrainedModel, start: Floats) -> Floats:
     """Configuration whose loops are nearly closed with the platform at, or near, the pose of ``<home>``."""
     from scipy.optimize import least_squares
 
-    free = np.arange(robot.model.nv)[robot.passive]
-    turned = np.ones(free.size, dtype=bool)
-    platform = robot.model.joints[robot.home_joint]
-    wanted: Any = None
-    if platform.nv == 6:
-        start = _with_platform_at_home(robot, start)
-        turned &= ~np.isin(free, np.arange(platform.idx_v, platform.idx_v + 6))
-    elif free.size:
-        wanted = _home_of_platform(robot)
-    count = np.count_nonzero(turned)
+    home, model = robot.description.home, robot.model
+    assert home is not None
+    wanted = pin.SE3(pin.exp3(np.array(home.tcp_rotvec)), np.array(home.tcp_xyz)) * robot.home_placement.inverse()
+    free, platform = np.arange(model.nv)[robot.passive], model.joints[robot.home_joint]
+    floats = platform.nv == 6
+    turned = ~(np.isin(free, np.arange(platform.idx_v, platform.idx_v + 6)) & floats)
+    if floats:
+        pin.forwardKinematics(model, robot.data, start)
+        parent = robot.data.oMi[model.parents[robot.home_joint]] * model.jointPlacements[robot.home_joint]
+        start = start.copy()
+        start[platform.idx_q : platform.idx_q + 7] = pin.SE3ToXYZQUAT(parent.inverse() * wanted)
+
+    def at(x: Floats) -> Floats:
+        every = np.zeros(len(free))
+        every[turned] = x
+        return _moved(robot, start, every)
 
     def off(x: Floats) -> Floats:
-        gap = _gaps(robot, _turned(robot, start, turned, x))
-        return gap if wanted is None else np.concatenate([gap, _from(wanted, robot)])
+        gap, here = _gaps(robot, at(x)), robot.data.oMi[robot.home_joint]
+        if floats or not free.size:
+            return gap
+        return np.concatenate([gap, here.translation - wanted.translation, pin.log3(here.rotation @ wanted.rotation.T)])
 
-    def largest(x: Floats) -> float:
-        return float(np.abs(off(x)).max(initial=0.0))
-
-    rng = np.random.default_rng(0)
+    rng, count = np.random.default_rng(0), int(np.count_nonzero(turned))
     best, smallest = np.zeros(count), np.inf
     for attempt in range(ATTEMPTS):
         x = np.zeros(count) if attempt == 0 else rng.uniform(-np.pi, np.pi, count)
-        if largest(x) > NEAR:
+        if np.abs(off(x)).max(initial=0.0) > NEAR:
             x = np.asarray(least_squares(off, x, max_nfev=100).x)
-        if largest(x) < smallest:
-            best, smallest = x, largest(x)
+        if (gap := float(np.abs(off(x)).max(initial=0.0))) < smallest:
+            best, smallest = x, gap
         if smallest <= NEAR:
             break
-    return _turned(robot, start, turned, best)
+    return at(best)
 
 
-def _home_of_platform(robot: ConstrainedModel) -> Any:
-    """Placement in the base frame, at home, of the joint that carries the TCP."""
-    home = robot.description.home
-    assert home is not None
-    return pin.SE3(pin.exp3(np.array(home.tcp_rotvec)), np.array(home.tcp_xyz)) * robot.home_placement.inverse()
-
-
-def _from(wanted: Any, robot: ConstrainedModel) -> Floats:
-    """(6,) shift, m, and rotation vector, rad, from the wanted pose of the platform to the one in Pinocchio's data."""
-    here = robot.data.oMi[robot.home_joint]
-    return np.concatenate([here.translation - wanted.translation, pin.log3(here.rotation @ wanted.rotation.T)])
-
-
-def _with_platform_at_home(robot: ConstrainedModel, configuration: Floats) -> Floats:
-    wanted = _home_of_platform(robot)
-    pin.forwardKinematics(robot.model, robot.data, configuration)
-    joint = robot.home_joint
-    parent = robot.data.oMi[robot.model.parents[joint]] * robot.model.jointPlacements[joint]
-    index = robot.model.idx_qs[joint]
-    changed = configuration.copy()
-    changed[index : index + 7] = pin.SE3ToXYZQUAT(parent.inverse() * wanted)
-    return changed
-
-
-def _turned(robot: ConstrainedModel, configuration: Floats, which: npt.NDArray[np.bool_], x: Floats) -> Floats:
-    """Configuration with some of the passive coordinates, a mask (p,), moved by x."""
-    passive = np.zeros(robot.n_passive)
-    passive[which] = x
-    turned: Floats = pin.integrate(robot.model, configuration, robot.tree_velocity(None, passive))
-    return turned
+def _moved(robot: ConstrainedModel, configuration: Floats, x: Floats) -> Floats:
+    """Configuration with the passive coordinates moved by x (p,)."""
+    moved: Floats = pin.integrate(robot.model, configuration, robot.tree_velocity(None, x))
+    return moved
 
 
 def _gaps(robot: ConstrainedModel, configuration: Floats) -> Floats:
     pin.computeJointJacobians(robot.model, robot.data, configuration)
-    return np.asarray(robot.seeking @ gaps(robot))
+    return np.asarray(robot.seeking @ robot.gaps())
 
 
 def _largest_gap(robot: ConstrainedModel, configuration: Floats) -> float:
     return float(np.abs(_gaps(robot, configuration)).max(initial=0.0))
+
+
+def _undetermined(robot: ConstrainedModel, home: Floats, notes: list[str]) -> Floats:
+    """(n_passive, k) orthonormal basis of the passive motions, m and rad, that leave all loops closed with the commands fixed.
+
+    Where they do not move the TCP, ``notes`` is told their joints.
+
+    ``home``: (nq,) configuration at home, with closed loops.
+
+    Raises `RobotError` if such a motion moves the TCP.
+    """
+    free = _null_space(_slopes(robot, home))
+    if not free.shape[1]:
+        return free
+    nudge = TELLING * np.random.default_rng(0).uniform(0.5, 1.0, robot.n_actuators)
+    there, gap = closest(robot, robot.with_commands(home, robot.home_q + nudge))
+    near = _null_space(_slopes(robot, there))
+    if gap > 1e-9 * robot.size or near.shape[1] < free.shape[1]:
+        return np.zeros((robot.n_passive, 0))  # a singularity at home: paths from there say so
+    pin.computeJointJacobians(robot.model, robot.data, home)
+    frame = pin.getFrameJacobian(robot.model, robot.data, robot.tcp_joint, robot.tcp_placement, pin.LOCAL_WORLD_ALIGNED)
+    tcp = robot.folded(np.reshape(np.array(frame), (6, robot.model.nv)))[:, robot.passive] @ free
+    count = free.shape[1]
+    what = f"{count} passive motion{'s' if count > 1 else ''} of {robot.name}"
+    named = _named(robot, free)
+    if np.abs(tcp).max() > ZERO * robot.size:
+        equations = len(_slopes(robot, home))
+        raise robot.description.error(
+            f"{what} can't be determined, and the TCP moves with it: of {named} with the loops closed ({robot.n_passive} "
+            f"passive coordinates, {equations} closure equations)",
+            "drive one of these joints (<actuator>), make it fixed, or add the <loop_joint> that is missing",
+        )
+    notes.append(
+        f"{what} can't be determined, of {named}; the TCP does not move with it, and it is kept as small as can be"
+    )
+    return free
+
+
+def _slopes(robot: ConstrainedModel, configuration: Floats) -> Floats:
+    pin.computeJointJacobians(robot.model, robot.data, configuration)
+    return robot.closing(robot.gaps_jacobian())[:, robot.passive]
+
+
+def _null_space(matrix: Floats, zero: float = ZERO) -> Floats:
+    _, sizes, rows = np.linalg.svd(matrix)
+    rank = int(np.count_nonzero(sizes > zero * sizes.max(initial=0.0)))
+    return np.asarray(rows[rank:].T)
+
+
+def _named(robot: ConstrainedModel, free: Floats) -> str:
+    """Names and weights of the joints that take part in some motions: a joint that alone makes one up has a weight of 1."""
+    weights = np.linalg.norm(free, axis=1)
+    by_velocity = {int(v): joint for joint, v in enumerate(robot.model.idx_vs) if joint}
+    joints: dict[str, float] = {}
+    for velocity, weight in zip(np.arange(robot.model.nv)[robot.passive], weights, strict=True):
+        first = max(v for v in by_velocity if v <= velocity)
+        name = str(robot.model.names[by_velocity[first]])
+        joints[name] = max(joints.get(name, 0.0), float(weight))
+    named = sorted((name for name in joints if joints[name] >= NEGLIGIBLE), key=lambda name: -joints[name])
+    more = f" and {len(named) - NAMED} more" if len(named) > NAMED else ""
+    return ", ".join(f"{name} ({joints[name]:.2f})" for name in named[:NAMED]) + more

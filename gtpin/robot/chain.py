@@ -1,24 +1,140 @@
-"""The robot: its closed chain, its rods, and the names of its sites."""
+"""The robot: its closed chain, its rods and links, the names of its sites, and its passive joints that are measured."""
 
 from __future__ import annotations
 
 import copy
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+import pinocchio as pin
 
+from gtpin.errors import RobotError
 from gtpin.robot.assembly import Assembly, assemble
-from gtpin.robot.commanded import with_actuators
-from gtpin.robot.constrained_model import ConstrainedModel
+from gtpin.robot.constrained_model import ConstrainedModel, joint_axis
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.measured_joints import MeasuredJoint, measured_joint
 from gtpin.robot.placement_frames import frame_of_anchor, shift
+from gtpin.robot.resting import with_actuators
 from gtpin.robot.rods import Rod, RodBody, rod_body, rods
 from gtpin.typing import Floats
+
+SHOWN = 12
+"""Largest number of joints that a hint lists."""
+
+
+@dataclass(frozen=True)
+class MeasuredJoint:
+    """A passive joint of one coordinate that is measured.
+
+    - ``name``: its name in the URDF.
+    - ``joint_id``, ``index_q``: its index among Pinocchio's joints, and its first index in a configuration.
+    - ``passive``: its index among the passive coordinates.
+    - ``turns``: whether its coordinate is an angle, rad, instead of a distance, m.
+    - ``continuous``: whether Pinocchio keeps its coordinate as cosine and sine; then it is between -pi and pi.
+    """
+
+    name: str
+    joint_id: int
+    index_q: int
+    passive: int
+    turns: bool
+    continuous: bool
+
+    def coordinates(self, X: Floats) -> Floats:
+        """(N,) its coordinate, rad or m, in Pinocchio configurations X (N, nq)."""
+        here = X[:, self.index_q]
+        return np.asarray(np.arctan2(X[:, self.index_q + 1], here) if self.continuous else here.copy())
+
+
+def readable(robot: ConstrainedModel) -> tuple[str, ...]:
+    """Names of the joints that can be measured: those of one coordinate that nothing but the loops moves."""
+    passive = set(_passive(robot))
+    model = robot.model
+    return tuple(
+        model.names[j] for j in range(1, model.njoints) if model.nvs[j] == 1 and int(model.idx_vs[j]) in passive
+    )
+
+
+def measured_joint(robot: ConstrainedModel, name: str) -> MeasuredJoint:
+    """The passive joint of a name.
+
+    Raises `RobotError` if there is none: no such joint, or one that is driven, fixed, follows another, or has several
+    coordinates.
+    """
+    model, known = robot.model, readable(robot)
+    if name in known:
+        joint_id = int(model.getJointId(name))
+        turns = bool(joint_axis(model, joint_id)[3:].any())
+        passive = _passive(robot).index(int(model.idx_vs[joint_id]))
+        return MeasuredJoint(
+            name, joint_id, int(model.idx_qs[joint_id]), passive, turns, bool(model.nqs[joint_id] == 2)
+        )
+    listed = f"{', '.join(known[:SHOWN])}{' ...' if len(known) > SHOWN else ''}"
+    hint = f"joints that can be read: {listed}" if known else "no joint of this robot is moved by its loops alone"
+    raise RobotError(_why_not(robot, name), column="joint", hint=hint)
+
+
+def _why_not(robot: ConstrainedModel, name: str) -> str:
+    model = robot.model
+    for number, actuator in enumerate(robot.actuators):
+        if name == actuator.joint:
+            return f"joint {name} is driven by q{number + 1}: an encoder reads a joint that nothing drives"
+    for mimic in robot.description.tree.mimics:
+        if name == mimic.joint:
+            return f"joint {name} follows {mimic.master} by <mimic>: an encoder reads a joint that only loops move"
+    if model.existJointName(name):
+        return f"joint {name} has {model.nvs[model.getJointId(name)]} coordinates: an encoder reads one"
+    if model.existFrame(name, pin.FrameType.FIXED_JOINT):
+        return f"joint {name} does not move: it is fixed, or no command and no loop moves it"
+    return f"{robot.name} has no joint {name!r}"
+
+
+def _passive(robot: ConstrainedModel) -> list[int]:
+    """Velocity indices of the passive coordinates."""
+    return [int(v) for v in np.arange(robot.model.nv)[robot.passive]]
+
+
+@dataclass(frozen=True)
+class MovingLink:
+    """The child link of an actuated joint, with everything fixed to it. It reaches from that joint's frame to its tip.
+
+    ``name``: its name in the URDF. ``joint_id``: the Pinocchio joint that moves it. ``tip``: index, as in
+    :class:`~gtpin.kinematics.motion.Motion`, of the placement frame of the next joint; of the TCP for the last link.
+    """
+
+    name: str
+    joint_id: int
+    tip: int
+
+
+def moving_links(robot: ConstrainedModel) -> tuple[MovingLink, ...]:
+    """The links of the actuated joints, in the joints' order; those without a joint or TCP beyond them are left out."""
+    names: dict[int, str] = {}
+    for frame in robot.model.frames:
+        if frame.type == pin.FrameType.BODY:
+            names.setdefault(int(frame.parentJoint), str(frame.name))
+    found = []
+    for joint_id in (actuator.joint_id for actuator in robot.actuators):
+        tip = _tip(robot, joint_id)
+        if tip is not None and joint_id in names:
+            found.append(MovingLink(names[joint_id], joint_id, tip))
+    return tuple(found)
+
+
+def _tip(robot: ConstrainedModel, joint_id: int) -> int | None:
+    """Index of the frame at a link's tip: the next joint towards the TCP, else its first child joint; None: it has none."""
+    model = robot.model
+    if joint_id == robot.tcp_joint:
+        return int(model.njoints - 1)
+    path = list(model.supports[robot.tcp_joint])
+    if joint_id in path:
+        return int(path[path.index(joint_id) + 1]) - 1
+    children = [j for j in range(1, model.njoints) if model.parents[j] == joint_id]
+    return children[0] - 1 if children else None
 
 
 class Chain(ConstrainedModel):

@@ -1,4 +1,11 @@
-"""A robot's chains as a Pinocchio model: a tree of joints, point-anchor constraints that close loops, and actuators."""
+"""A robot's chains as a Pinocchio model: a tree of joints, point-anchor constraints that close loops, and actuators.
+
+Loops whose joints turn about parallel axes are planar: gtpin closes them in their plane only. A spherical ``<loop_joint>``
+gives three equations. The passive joints of a planar loop can satisfy two of them. The third, across the plane, holds in the
+nominal geometry, and can't be satisfied in one with deviations. A real machine has play in its bearings for it. The loop of a
+spherical linkage, all of whose axes meet in one point, is the same: its anchors move on a sphere, and its plane is the sphere's
+tangent plane, which is fixed in the frame of the first anchor.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +21,66 @@ import pinocchio as pin
 
 from gtpin.errors import ModelError, RobotError, warn
 from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
-from gtpin.robot.planar_loops import NONE, PARALLEL, axes_of, in_planes, normal_of, of_further_point, postures
 from gtpin.robot.resting import folded, followers, moving_model, neutral, put
 from gtpin.typing import Floats
+
+POSTURES = 6
+"""Number of postures at which a loop's motions are examined: a planar loop moves in its plane at all of them. Assumed."""
+PARALLEL = 1e-5
+"""Ratio of motions across a plane to those in it, below which they count as zero: URDFs have at least five digits. Assumed."""
+EVERY, NONE = np.eye(3), np.zeros((0, 3))
+
+
+def postures(model: Any, neutral: Floats) -> list[Floats]:
+    """Random configurations (nq,) around the neutral one, the same in each call. Their loops need not be closed."""
+    rng = np.random.default_rng(0)
+    return [pin.integrate(model, neutral, rng.uniform(-0.5, 0.5, model.nv)) for _ in range(POSTURES)]
+
+
+def normal_of(motions: Floats, zero: float = PARALLEL) -> Floats:
+    """(1, 3) unit normal of the plane of motions (3, k) of one anchor relative to the other; (0, 3) where they span no plane.
+
+    ``zero``: ratio of motions across the plane to those in it below which they count as zero.
+    """
+    directions, sizes, _ = np.linalg.svd(motions)
+    planar = len(sizes) == 3 and sizes[2] <= zero * sizes[0] < sizes[1]
+    return np.asarray(directions[:, 2:].T) if planar else NONE
+
+
+def of_further_point(normals: Floats, axis: str) -> Floats:
+    """(k, 3) directions in which the second or third point of a loop of type ``fixed`` is not closed.
+
+    Two frames coincide if their origins do, the point on x in y and z, and the point on y in z. In a plane one equation is
+    enough: the point farther off the normal, along the plane and across its lever.
+
+    ``normals``: those of the loop's origin. ``axis``: ``x`` or ``y``.
+    """
+    if not len(normals):
+        return EVERY[:1] if axis == "x" else EVERY[:2]
+    ways = np.cross(normals[0], EVERY[:2])
+    lengths = np.linalg.norm(ways, axis=1)
+    point = int(np.argmax(lengths))
+    return axes_of(ways[point : point + 1] / lengths[point]) if axis == "xy"[point] and len(normals) == 1 else EVERY
+
+
+def axes_of(normals: Floats) -> Floats:
+    """(3 - k, 3) orthogonal unit vectors across orthogonal normals (k, 3)."""
+    return np.asarray(np.linalg.svd(normals)[2][len(normals) :])
+
+
+def in_planes(normals: tuple[Floats, ...]) -> Floats:
+    """(m, 3 L) matrix that gives the closure equations, from the vectors between the anchors of L loops.
+
+    Of three components of a vector, those along the normals (k, 3) of a loop are no equations.
+    """
+    blocks = [axes_of(normal) if len(normal) else EVERY for normal in normals]
+    found = np.zeros((sum(map(len, blocks)), 3 * len(blocks)))
+    row = 0
+    for i, block in enumerate(blocks):
+        found[row : row + len(block), 3 * i : 3 * i + 3] = block
+        row += len(block)
+    return found
+
 
 FARTHEST = 1e5
 """Distance of a joint from the base, m, from which a robot is refused."""
@@ -168,7 +232,6 @@ class ConstrainedModel:
         """Make the constraint models, and scratch memory for the time in which the robot is built."""
         pairs = zip(self.anchors[::2], self.anchors[1::2], strict=True)
         self.constraints = tuple(pin.PointAnchorConstraintModel(self.model, *a, *b) for a, b in pairs)
-        self.constraint_pairs = tuple((constraint, constraint.createData()) for constraint in self.constraints)
         self.constraint_models, data = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
         for constraint in self.constraints:
             self.constraint_models.append(pin.ConstraintModel(constraint))
@@ -305,7 +368,7 @@ class ConstrainedModel:
         """Values (m, ...) of the closure equations, from the vectors (3 k, ...) between the anchors of k loops.
 
         Or their derivatives, from those of the vectors. All three components of a vector are equations; for a planar loop,
-        those in its plane: see :mod:`~gtpin.robot.planar_loops`.
+        those in its plane.
         """
         return gaps if self._in_planes is None else self._in_planes @ gaps
 
@@ -401,15 +464,27 @@ class ConstrainedModel:
                 found.append(row.ravel())
         return np.reshape(found, (len(found), 3 * len(loops)))
 
+    def gaps(self) -> Floats:
+        """(3 L,) vectors from the first to the second anchor of each loop, m, in the first one's frame, at :attr:`data`."""
+        ends = [self.data.oMi[joint] * placement for joint, placement in self.anchors]
+        pairs = zip(ends[::2], ends[1::2], strict=True)
+        return np.array([one.actInv(other).translation for one, other in pairs]).ravel()
+
+    def gaps_jacobian(self) -> Floats:
+        """(3 L, nv) derivative of :meth:`gaps`; joints that follow others (``<mimic>``) move with them."""
+        if not self.constraints:
+            return np.zeros((0, self.model.nv))
+        for constraint, data in zip(*self.constraint_vectors, strict=True):
+            constraint.calc(self.model, self.data, data)
+        jacobian = pin.getConstraintsJacobian(self.model, self.data, *self.constraint_vectors)
+        return self.folded(np.reshape(jacobian, (-1, self.model.nv)))
+
     def relative_motions(self, configurations: Sequence[Floats]) -> Floats:
         """(3 L, c) motions of the second anchors relative to the first, in their frames, by the passive joints at postures."""
         found = []
         for configuration in configurations:
             pin.computeJointJacobians(self.model, self.data, configuration)
-            for constraint, data in zip(*self.constraint_vectors, strict=True):
-                constraint.calc(self.model, self.data, data)
-            jacobian = pin.getConstraintsJacobian(self.model, self.data, *self.constraint_vectors)
-            found.append(self.folded(np.reshape(jacobian, (-1, self.model.nv)))[:, self.passive])
+            found.append(self.gaps_jacobian()[:, self.passive])
         return np.hstack(found)
 
     def planes_of(self, motions: Floats, zero: float = PARALLEL) -> tuple[Floats, ...]:

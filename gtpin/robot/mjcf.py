@@ -15,8 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError, warn
-from gtpin.robot.mjcf_masses import SHOWN, Masses
-from gtpin.robot.mjcf_values import JOINTS, MAIN, Part, Values, exact_text, without_objects
+from gtpin.robot.mjcf_values import JOINTS, MAIN, SHOWN, Masses, Part, Values, exact_text, without_objects
 from gtpin.robot.tree import TOOL, Tree
 from gtpin.typing import Floats
 
@@ -135,8 +134,9 @@ class _UrdfWriter:
 
     ``at``: placements (``pinocchio.SE3``) of links in the world at MuJoCo's initial posture. ``bodies``: links of bodies, by
     name. ``sites``: by name, the link that carries the site, and its placement on the link. ``named``: names of all sites.
-    ``initial``: coordinates of joints at this posture, rad or m. ``home``: those at home. ``added``: joints of effects, which
-    are not written, each with the joint for which it stands: see `ADDED_MARK`. ``loops``: number of loops.
+    ``initial``: coordinates of joints at this posture, rad or m. ``moves``: their placements and twists. ``home``: their
+    coordinates at home. ``added``: joints of effects, which are not written, each with the joint for which it stands: see
+    `ADDED_MARK`. ``mocap``: bodies that users move. ``loops``: number of loops.
     """
 
     values: Values
@@ -148,8 +148,10 @@ class _UrdfWriter:
     sites: dict[str, tuple[str, Any]] = field(default_factory=dict)
     named: frozenset[str] = frozenset()
     initial: dict[str, float] = field(default_factory=dict)
+    moves: dict[str, tuple[Any, Floats]] = field(default_factory=dict)
     home: dict[str, Floats] = field(default_factory=dict)
     added: dict[str, str] = field(default_factory=dict)
+    mocap: set[str | None] = field(default_factory=set)
     loops: int = 0
 
     def write(self, root: Element) -> str:
@@ -157,6 +159,7 @@ class _UrdfWriter:
         for text in root.iterfind("custom/text"):
             if (called := text.get("name", "")).startswith(ADDED_MARK):
                 self.added[called.removeprefix(ADDED_MARK)] = text.get("data", "")
+        self.mocap = {body.get("name") for body in root.iter("body") if body.get("mocap") == "true"}
         self._link(WORLD, pin.SE3.Identity())
         self.bodies[WORLD] = WORLD
         for world in root.findall("worldbody"):
@@ -281,17 +284,18 @@ class _UrdfWriter:
         unit = self.values.angle if kind == "hinge" else 1.0
         axis = part.frame.rotation @ self.values.unit(self.values.numbers(given, "axis", "0 0 1", 3), "axis")
         start = float(self.values.numbers(given, "ref", "0", 1)[0]) * unit
-        back = pin.SE3(pin.exp3(-start * axis), np.zeros(3)) if kind == "hinge" else pin.SE3(np.eye(3), -start * axis)
+        twist = np.concatenate([np.zeros(3), axis] if kind == "hinge" else [axis, np.zeros(3)])
+        at_zero = origin * pin.exp6(-start * twist)
         limited = given.get("limited", "auto")
         if limited == "auto":
             limited = "true" if self.values.limits and "range" in given else "false"
         lower, upper = self.values.numbers(given, "range", "0 0", 2) * unit if limited == "true" else (0.0, 0.0)
         turning = "revolute" if limited == "true" else "continuous"
-        joint = self._joint(name, turning if kind == "hinge" else "prismatic", parent, child, origin * back)
+        joint = self._joint(name, turning if kind == "hinge" else "prismatic", parent, child, at_zero)
         SubElement(joint, "axis", xyz=exact_text(axis))
         # A range of zero width means no range: URDF has no prismatic joint without a range.
         SubElement(joint, "limit", lower=repr(float(lower)), upper=repr(float(upper)), effort="0", velocity="0")
-        self.initial[name] = start
+        self.initial[name], self.moves[name] = start, (at_zero, twist)
         if self.keyframe.places:
             self.home[name] = self.keyframe.at(part.element, 1)
         elif start and (lower <= start <= upper or limited != "true"):
@@ -338,6 +342,9 @@ class _UrdfWriter:
         if self.added.keys() & {given.get("joint1"), given.get("joint2")} or (self.added and element.tag == "tendon"):
             return
         if element.tag in ("connect", "weld"):
+            if held := {given.get("body1"), given.get("body2")} & self.mocap:
+                warn(f"{self.values.source}: equality/{element.tag} of mocap bodies is left out: {held.pop()}")
+                return
             self._connect(given, element.tag)
         elif element.tag == "joint":
             self._tie(given)
@@ -408,22 +415,11 @@ class _UrdfWriter:
 
     def _fix(self, joint: Element, coordinate: float) -> None:
         """Make a joint a fixed one, at a coordinate, rad or m."""
-        origin, axis = joint.find("origin"), joint.find("axis")
-        assert origin is not None
-        assert axis is not None
-        place, turn, along = (
-            np.array([float(word) for word in str(text).split()])
-            for text in (origin.get("xyz"), origin.get("rpy"), axis.get("xyz"))
-        )
-        slides = joint.get("type") == "prismatic"
-        step = coordinate * along
-        moved = pin.SE3(np.eye(3), step) if slides else pin.SE3(pin.exp3(step), np.zeros(3))
-        placed = pin.SE3(pin.rpy.rpyToMatrix(*turn), place) * moved
+        origin, twist = self.moves[joint.get("name", "")]
         joint.set("type", "fixed")
-        origin.set("xyz", exact_text(placed.translation))
-        origin.set("rpy", exact_text(pin.rpy.matrixToRpy(placed.rotation)))
-        for tag in ("axis", "limit"):
-            joint.remove(joint.find(tag))  # type: ignore[arg-type]
+        for part in [part for part in joint if part.tag in ("origin", "axis", "limit")]:
+            joint.remove(part)
+        self._place(joint, origin * pin.exp6(coordinate * twist))
 
     # ------------------------------------------------------------------------------------------------ elements
 
@@ -454,7 +450,9 @@ class _UrdfWriter:
         joint = SubElement(self.robot, "joint", name=name, type=kind)
         SubElement(joint, "parent", link=parent)
         SubElement(joint, "child", link=child)
-        SubElement(
-            joint, "origin", xyz=exact_text(origin.translation), rpy=exact_text(pin.rpy.matrixToRpy(origin.rotation))
-        )
+        self._place(joint, origin)
         return joint
+
+    def _place(self, joint: Element, origin: Any) -> None:
+        turn = pin.rpy.matrixToRpy(origin.rotation)
+        SubElement(joint, "origin", xyz=exact_text(origin.translation), rpy=exact_text(turn))

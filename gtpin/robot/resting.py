@@ -1,23 +1,133 @@
-"""The Pinocchio model of a description. Joints that neither commands nor loops move are fixed at neutral, and left out."""
+"""What moves: the actuators that a caller picks, the loops that they move, and the Pinocchio model of these. The rest is fixed.
+
+Joints that neither commands nor loops move are fixed at neutral, and left out; loops of such joints are removed.
+"""
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import IO, Any
+from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError
-from gtpin.robot.description import RobotDescription
+from gtpin.robot.description import RobotDescription, parse_xml
 from gtpin.robot.far_frames import bring_near
-from gtpin.robot.tree import Mimic
+from gtpin.robot.mjcf_values import exact_text
+from gtpin.robot.tree import Mimic, Tree
 from gtpin.typing import Floats
+
+
+def with_home(
+    description: RobotDescription, q: Sequence[float], near: Mapping[str, tuple[float, ...]]
+) -> RobotDescription:
+    """The description with these commands, m or rad, as its home; its loops are closed from the coordinates ``near`` of joints.
+
+    Raises `RobotError` if there are not as many as actuators, or one is not finite.
+    """
+    names = [actuator.joint for actuator in description.actuators] or list(description.tree.moving)
+    if len(q) != len(names) or not all(map(math.isfinite, q)):
+        hint = f"give {len(names)} finite numbers, of {', '.join(names)}"
+        raise RobotError(f"home of {len(q)} numbers for {description.name}", column="home", hint=hint)
+    root = parse_xml(description.xml, description.source)
+    own = _own(root)
+    for home in own.findall("home"):
+        own.remove(home)
+    home = SubElement(own, "home")
+    for name, values in {**near, **{name: (float(value),) for name, value in zip(names, q, strict=True)}}.items():
+        SubElement(home, "joint", name=name, value=exact_text(np.array(values)))
+    return _parsed(root, description)
+
+
+def with_actuators(description: RobotDescription, names: Sequence[str]) -> RobotDescription:
+    """The description with these joints as actuators, in this order; without names, with its own.
+
+    The ``<actuator>`` elements of its text are replaced, so that files that are written from it have them too. Actuators that
+    stay keep their sites and scales. Joints that these actuators do not move stay at Pinocchio's neutral configuration, and
+    loops of such joints are removed.
+
+    Raises `RobotError` if a name is not that of a joint that can be commanded, or comes twice.
+    """
+    own_names = tuple(actuator.joint for actuator in description.actuators)
+    driven = tuple(names) or own_names
+    root = parse_xml(description.xml, description.source)
+    if driven != own_names:
+        _check(description, driven)
+        own = _own(root)
+        before = {element.get("joint"): element for element in own.findall("actuator")}
+        for element in before.values():
+            own.remove(element)
+        home = own.find("home")
+        if home is not None and description.home is not None:
+            q = dict(zip(before, description.home.q, strict=False))
+            home.set("q", " ".join(repr(q.get(name, 0.0)) for name in driven))
+        for place, name in enumerate(driven):
+            own.insert(place, before.get(name, Element("actuator", joint=name)))
+    rests = bool(driven and description.loops) and remove_resting_loops(root, driven, description.source)
+    return _parsed(root, description) if rests or driven != own_names else description
+
+
+def _check(description: RobotDescription, names: Sequence[str]) -> None:
+    moving, follows = description.tree.moving, {mimic.joint: mimic.master for mimic in description.tree.mimics}
+    for number, name in enumerate(names):
+        what, hint = "", "name each joint once"
+        if name in follows:
+            what, hint = f"{name} follows {follows[name]} by <mimic>", f"name {follows[name]} in its place"
+        elif name not in moving:
+            known = ", ".join(moving[:12]) + (" ..." if len(moving) > 12 else "")
+            what, hint = f"{description.name} has no moving joint {name!r}", f"moving joints are {known or 'none'}"
+        elif name in names[:number]:
+            what = f"{name} comes twice"
+        if what:
+            raise RobotError(what, column="actuators", hint=hint)
+
+
+def _own(root: Element) -> Element:
+    """The ``<gtpin>`` of a URDF's outer element; a new one where it has none."""
+    own = root.find("gtpin")
+    return SubElement(root, "gtpin") if own is None else own
+
+
+def _parsed(root: Element, description: RobotDescription) -> RobotDescription:
+    return RobotDescription.parse(tostring(root, encoding="unicode"), description.source, description.kind)
+
+
+def remove_resting_loops(root: Element, driven: Collection[str], source: str) -> bool:
+    """Remove from a URDF's outer element the ``<loop_joint>`` elements that no joint named in ``driven`` moves.
+
+    A loop moves where one of its joints is driven, follows a driven joint, or is also in another loop that moves. All other
+    loops keep the shape that they have at neutral.
+
+    Returns whether there was one to remove. Raises `RobotError` if a ``<mimic>`` is wrong.
+    """
+    tree = Tree.of(root, source)
+    masters = {joint: joint for joint in tree.moving} | {mimic.joint: mimic.master for mimic in tree.mimics}
+    resting = {}
+    for loop in root.findall("loop_joint"):
+        ends = (loop.find(tag) for tag in ("link1", "link2"))
+        one, other = (tree.path("" if end is None else end.get("link", "")) for end in ends)
+        resting[loop] = {masters[joint] for joint in one ^ other if joint in masters}
+    moving = set(driven)
+    while moved := [loop for loop, own in resting.items() if own & moving]:
+        for loop in moved:
+            moving |= resting.pop(loop)
+    names = {loop.get("name") for loop in resting}
+    for loop in resting:
+        root.remove(loop)
+    for own in root.findall("gtpin"):
+        for plane in own.findall("plane"):
+            if plane.get("loop", "").removesuffix(".x").removesuffix(".y") in names:
+                own.remove(plane)
+    return bool(resting)
+
 
 LINK = "link: "
 """Prefix of links' names for the time of a reduction."""

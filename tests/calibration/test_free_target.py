@@ -22,8 +22,8 @@ from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError, GtpinWarning
 from gtpin.instruments.frame_and_target import frame_and_target
 from gtpin.kinematics.poses import Poses
+from gtpin.robot.chain import moving_links
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.moving_links import moving_links
 
 ROBOT = gtpin.load_robot("ur5")
 FOLDED = np.array([0.0, -1.5, 1.5, -1.5, -1.5, 0.0])

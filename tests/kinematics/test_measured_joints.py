@@ -19,7 +19,7 @@ from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import RobotError
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.posture import ClosedPosture
-from gtpin.robot.measured_joints import measured_joint, readable
+from gtpin.robot.chain import measured_joint, readable
 
 Floats = np.ndarray
 

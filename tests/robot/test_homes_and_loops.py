@@ -1,8 +1,10 @@
 """Which posture is home, and loops whose frames coincide or whose numbers are rounded, in all formats."""
 
 import re
+import sys
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +14,9 @@ from urdfs import joint, loop, own, urdf
 
 import gtpin
 from gtpin.bench.simulator import simulate
-from gtpin.errors import ClosureError, GtpinWarning, RobotError
+from gtpin.cli import main
+from gtpin.errors import ClosureError, DatasetError, GtpinWarning, RobotError
+from gtpin.model.measured_robot import robot_of
 from gtpin.robot.description import RobotDescription
 
 FIELD = Path(__file__).parents[2] / "examples" / "field"
@@ -135,10 +139,10 @@ def test_frames_that_can_not_meet_are_named() -> None:
 
 def test_home_is_the_keyframe_that_is_named_and_the_first_by_default(tmp_path: Path) -> None:
     text = KEYFRAME.read_text(encoding="utf-8")
-    text = text.replace("</keyframe>", '<key name="mirrored" qpos="1.0 1.4 1.9 -1.4"/></keyframe>')
+    text = text.replace("</keyframe>", '<key name="mirrored" qpos="1.0 2.4 1.9 -2.4"/></keyframe>')
     file = written(tmp_path, text)
     np.testing.assert_array_equal(gtpin.load_robot(file).home_q, [2.0, 1.1])
-    with pytest.warns(GtpinWarning, match="open at its keyframe: the closed posture nearest to it"):
+    with pytest.warns(GtpinWarning, match="open at its home: the closed posture nearest to it"):
         np.testing.assert_array_equal(gtpin.load_robot(file, home="mirrored").home_q, [1.0, 1.9])
     with pytest.raises(RobotError, match="no keyframe is called 'lost'; keyframes are home, mirrored"):
         gtpin.load_robot(file, home="lost")
@@ -227,3 +231,40 @@ def test_a_yaml_of_something_else_beside_a_urdf_is_not_read(tmp_path: Path) -> N
     written(tmp_path, "name: arm\n", "robot.yaml")
     parts = (joint("a", "base", "b"), loop("b", "0 0 0", "base", "0 0 0"), own(["a"], "b"))
     assert gtpin.load_robot(written(tmp_path, urdf("arm", *parts[:1]), "robot.urdf")).n_actuators == 1
+
+
+@pytest.mark.parametrize("name", ["gantry_tau", "stewart", "ur5"])
+def test_another_home_changes_no_pose(name: str) -> None:
+    robot = gtpin.load_robot(name)
+    q = robot.home_q + 0.05
+    moved = gtpin.load_robot(name, home=q)
+    np.testing.assert_allclose(gtpin.home(moved).T, robot.forward(q).T, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(moved.forward(robot.home_q).T, gtpin.home(robot).T, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("home", [(1.9, 1.2), "home"])
+def test_a_dataset_names_the_home_of_its_robot(home: tuple[float, ...] | str, tmp_path: Path) -> None:
+    q = np.array([[2.0, 1.1], [1.9, 1.0]])
+    made = gtpin.Dataset(str(KEYFRAME), ["a", "b"], q, np.zeros((2, 3)), tcp="pen", home=home)
+    made.write(tmp_path / "data")
+    read = gtpin.Dataset.read(tmp_path / "data")
+    assert read.home == home
+    np.testing.assert_array_equal(robot_of(read).home_q, (2.0, 1.1) if home == "home" else home)
+    with pytest.raises(DatasetError, match=r"column home: home of 1 numbers for fivebar; give 2 finite numbers"):
+        robot_of(replace(read, home=(1.0,)))
+
+
+def test_commands_take_home_and_actuators(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def predicted(*options: str) -> np.ndarray:
+        out = tmp_path / "out.csv"
+        arguments = [str(KEYFRAME), str(KEYFRAME.parent / "q.csv"), "--tcp", "pen", *options, "-o", str(out), "--force"]
+        monkeypatch.setattr(sys, "argv", ["gtpin", "predict", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code in (0, None)
+        return np.genfromtxt(out, delimiter=",", skip_header=1)[:, 1:4]
+
+    plain = predicted()
+    for options in (("--home", "1.9,1.2"), ("--home", "home"), ("--actuators", "ml,mr")):
+        np.testing.assert_allclose(predicted(*options), plain, rtol=0, atol=1e-12)
+    assert np.abs(predicted("--actuators", "mr,ml") - plain).max() > 1e-2

@@ -183,6 +183,14 @@ SAID = {
     "a ball joint": (arm("", 'type="ball"'), "joint two is of type ball"),
     "a free body": (file(f'<body name="a"><freejoint name="f"/>{GEOM}{CHILD}</body>'), "joint f has 6 degrees"),
     "replicate": (arm(inside=f'{GEOM}<replicate count="2" offset="1 0 0">{GEOM}</replicate>'), "<replicate> is not read"),
+    "a weld to a mocap body": (
+        file(
+            f'<body name="target" mocap="true" pos="1 2 3">{GEOM}</body><body name="a"><joint name="j"/>{GEOM}</body>',
+            "",
+            '<equality><weld body1="target" body2="a"/></equality>',
+        ),
+        "equality/weld of mocap bodies is left out: target",
+    ),
     "a curve": (
         arm(tail='<equality><joint joint1="two" joint2="one" polycoef="0 1 2"/></equality>'),
         "equality/joint of two is a curve",

@@ -13,9 +13,9 @@ from urdfs import joint, robot_of
 
 import gtpin
 from gtpin.errors import RobotError
-from gtpin.robot.commanded import with_actuators
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.library import FILES, example_names, example_path, load_robot
+from gtpin.robot.resting import with_actuators
 
 SEVEN = [f"panda_joint{i}" for i in range(1, 8)]
 JOINTS = {"ur3": 6, "ur5": 6, "ur10": 6, "panda": 8, "kinova": 6, "xarm7": 7, "so100": 6, "z1": 7, "talos_left_arm": 7}

@@ -8,7 +8,7 @@ from urdfs import joint, robot_of
 import gtpin
 from gtpin.errors import RobotError
 from gtpin.kinematics.kinematics import Kinematics
-from gtpin.robot.commanded import with_actuators
+from gtpin.robot.resting import with_actuators
 
 MASS = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
 

@@ -8,7 +8,7 @@ import pytest
 from urdfs import joint, loop, own, urdf
 
 import gtpin
-from gtpin.robot.commanded import remove_resting_loops
+from gtpin.robot.resting import remove_resting_loops
 
 mujoco = pytest.importorskip("mujoco")
 

@@ -21,7 +21,7 @@ from gtpin.data.instrument_tables import EncoderTable
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import ConvergenceError, GtpinError, GtpinWarning
 from gtpin.model.measured_robot import robot_of
-from gtpin.robot.measured_joints import measured_joint
+from gtpin.robot.chain import measured_joint
 from gtpin.threads import in_one_thread
 from gtpin.typing import Floats
 

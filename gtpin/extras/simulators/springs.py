@@ -17,8 +17,7 @@ from gtpin.extras.simulators.curves import STIFFEST, line
 from gtpin.extras.simulators.mechanism import Body, Joint, Mechanism, Spring
 from gtpin.kinematics.posture import home
 from gtpin.model.model import Model
-from gtpin.robot.chain import Chain
-from gtpin.robot.moving_links import MovingLink
+from gtpin.robot.chain import Chain, MovingLink
 from gtpin.robot.parameters import rotation_axes
 from gtpin.typing import Floats
 
