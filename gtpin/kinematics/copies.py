@@ -27,9 +27,9 @@ class Copies:
     J: Pinocchio's "universe" is not counted. World twists have their linear part at the base frame's origin.
     """
 
-    def __init__(self, robot: ConstrainedModel) -> None:
-        model = robot.model
-        self.K = max(1, MOST_VELOCITIES // max(model.nv, 1))
+    def __init__(self, model: Any, neutral: Floats, most: int = MOST_VELOCITIES) -> None:
+        self.K = max(1, most // max(model.nv, 1))
+        self._one = Copies(model, neutral, most=1) if self.K > 1 else self  # for one pose
         self.count, self.nv = model.njoints - 1, model.nv
         self.model: Any = pin.Model()
         self.model.gravity = model.gravity
@@ -50,8 +50,8 @@ class Copies:
         self._oMi = _placements_of(self.data.oMi)[1:].reshape(self.K, self.count, SE3_SIZE)
         self._f = _view([f.linear for f in self.data.f], 6)[1:].reshape(self.K, self.count, 6)
         self._J = self.data.J.T.reshape(self.K, self.nv, 6)
-        self._X, self._V = np.tile(robot.neutral, (self.K, 1)), np.zeros((self.K, self.nv))
-        self._check(model, robot.neutral)
+        self._X, self._V = np.tile(neutral, (self.K, 1)), np.zeros((self.K, self.nv))
+        self._check(model, neutral)
 
     def _append(self, index: int) -> None:
         """Make the data of one joint more."""
@@ -71,6 +71,8 @@ class Copies:
         robot's own.
         """
         n = len(X)
+        if n == 1 < self.K:
+            return self._one.joints(X, placements)
         oMi, J = np.empty((n, self.count + 1, SE3_SIZE)), np.empty((n, self.nv, 6))
         oMi[:, 0] = IDENTITY
         each = placements is not None and placements.ndim == 3
@@ -94,6 +96,8 @@ class Copies:
 
     def integrate(self, X: Floats, V: Floats) -> Floats:
         """(N, nq) configurations after velocities V (N, nv) for a unit of time."""
+        if len(X) == 1 < self.K:
+            return self._one.integrate(X, V)
         found = np.empty_like(X)
         for rows, k in self._calls(len(X)):
             self._X[:k], self._V[:k] = X[rows], V[rows]
@@ -188,5 +192,5 @@ def copies(robot: ConstrainedModel) -> Copies:
     known: WeakKeyDictionary[ConstrainedModel, Copies] = _OF_THREAD.__dict__.setdefault("known", WeakKeyDictionary())
     found = known.get(robot)
     if found is None:
-        found = known[robot] = Copies(robot)
+        found = known[robot] = Copies(robot.model, robot.neutral)
     return found

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from math import comb
 
@@ -13,68 +12,84 @@ from gtpin.kinematics.copies import copies
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats, Ints
 
-MOST_TERMS = 120
+MOST_TERMS = 240
 """Largest number of terms of a polynomial: more terms take more time than the Newton step that they save."""
-NODES_PER_TERM = 3
-USABLE = 0.02
-"""Largest error at the nodes, m or rad, of a guess that is used. Assumed."""
+NODES_PER_TERM, FEWEST = 3, 1.5
+"""Nodes of a fit by term, and those of them that must be reached at least."""
+MARGIN = 5.0
+"""Smallest regularity on the way from home at which a guess tells the assembly mode, in RMS errors of the fit. Assumed."""
+ON_THE_WAY = np.linspace(0.1, 1.0, 10)
+"""Fractions of the way at which it is computed."""
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53)
 """Bases: one for each coordinate."""
 
 
 @dataclass(frozen=True)
 class FirstGuess:
-    """Polynomials of the velocities that lead from a posture to others in a unit of time.
+    """Polynomials of the velocities that lead from home to other postures in a unit of time, and of their regularity.
+
+    The *regularity* of a posture is the square of the ratio of its closures' determinant to that of home. Where two assembly
+    modes meet it falls to zero along a line of commands, and it is smooth there, as the postures are not.
 
     - ``robot``: the robot.
-    - ``lower``, ``upper``: (n,) ends of the commands' ranges, m or rad.
-    - ``exponents``: (terms, n) exponents of each term in commands scaled to [-1, 1], by ascending degree.
+    - ``reach``: (n,) half of the commands' ranges, m or rad.
+    - ``exponents``: (terms, n) exponents of each term in commands from home, as parts of ``reach``, by ascending degree.
     - ``coefficients``: (terms, nv) coefficients of the velocities.
-    - ``X``: (nq,) configuration from which they lead.
-    - ``error``: largest error at the nodes of the fit, in numbers of a configuration: m, rad, or a part of a quaternion.
+    - ``regularity``: (terms,) coefficients of the regularity.
+    - ``margin``: the regularity from which on a guess tells the assembly mode.
+    - ``X``: (nq,) configuration at home.
     """
 
     robot: Chain
-    lower: Floats
-    upper: Floats
+    reach: Floats
     exponents: Ints
     coefficients: Floats
+    regularity: Floats
+    margin: float
     X: Floats
-    error: float
 
     @staticmethod
-    def fit(robot: Chain, home: Floats, postures: Callable[[Floats], Floats]) -> FirstGuess | None:
-        """Fit to the configurations (N, nq) that ``postures`` gives for commands (N, n), NaN where they can't be reached.
+    def fit(robot: Chain, exponents: Ints, home: Floats, q: Floats, X: Floats, regularity: Floats) -> FirstGuess | None:
+        """Fit to the configurations X (N, nq), NaN where they were not reached, and regularities (N,) at the :func:`nodes` q.
 
-        None where a range has no limits, where too few nodes can be reached, or where the fit is too inaccurate.
-        ``home``: (nq,) the configuration at home.
+        None where too few were reached. ``home``: (nq,) the configuration at home.
         """
-        lower, upper = robot.lower, robot.upper
-        if not (np.isfinite(lower).all() and np.isfinite(upper).all()) or len(lower) > len(PRIMES):
-            return None
-        n = len(lower)
-        degree = max(d for d in range(1, 9) if comb(n + d, d) <= MOST_TERMS or d == 1)
-        powers = [e for e in product(range(degree + 1), repeat=n) if sum(e) <= degree]
-        exponents = np.array(sorted(powers, key=sum))
-        uniform = halton(n, NODES_PER_TERM * len(exponents) + 1)[1:]
-        x = -np.cos(np.pi * uniform)  # dense at the ends, where polynomials of high degree oscillate
-        q = lower + (x + 1.0) / 2.0 * (upper - lower)
-        X = postures(q)
         reached = np.isfinite(X[:, 0])
-        x, q, X = x[reached], q[reached], X[reached]
-        if len(x) < 2 * len(exponents):
+        if reached.sum() < FEWEST * len(exponents):
             return None
-        terms, targets = _terms(x, exponents).T, copies(robot).difference(home, X)
-        coefficients = np.asarray(np.linalg.lstsq(terms, targets, rcond=None)[0], dtype=np.float64)
-        guess = FirstGuess(robot, lower, upper, exponents, coefficients, home, 0.0)
-        error = float(np.abs(guess(q) - X).max())
-        return replace(guess, error=error) if error <= USABLE else None
+        reach, regularity = (robot.upper - robot.lower) / 2.0, regularity[reached]
+        terms = _terms((q[reached] - robot.home_q) / reach, exponents).T
+        of_regularity = np.asarray(np.linalg.lstsq(terms, regularity, rcond=None)[0])
+        margin = MARGIN * float(np.sqrt(np.mean((terms @ of_regularity - regularity) ** 2)))
+        targets, weights = copies(robot).difference(home, X[reached]), np.clip(regularity, 0.0, 1.0)[:, None]
+        coefficients = np.asarray(np.linalg.lstsq(weights * terms, weights * targets, rcond=None)[0])
+        return FirstGuess(robot, reach, exponents, coefficients, of_regularity, margin, home)
 
     def __call__(self, q: Floats) -> Floats:
-        """(N, nq) guessed configurations at commands q (N, n)."""
-        x = (q - self.lower) / (self.upper - self.lower) * 2.0 - 1.0
-        velocities = _terms(x, self.exponents).T @ self.coefficients
-        return copies(self.robot).integrate(np.tile(self.X, (len(q), 1)), velocities)
+        """(N, nq) guessed configurations at commands q (N, n); a posture near its guess is in the assembly mode of home.
+
+        NaN outside the ranges, and where the straight line from home comes near a singularity.
+        """
+        terms = _terms((q - self.robot.home_q) / self.reach, self.exponents)
+        degrees = self.exponents.sum(axis=1)
+        found = copies(self.robot).integrate(np.tile(self.X, (len(q), 1)), terms.T @ self.coefficients)
+        terms *= self.regularity[:, None]  # of a fraction s of the way: the sum of s^degree times these
+        by_degree = np.add.reduceat(terms, np.searchsorted(degrees, np.arange(degrees[-1] + 1)))
+        on_the_way = ON_THE_WAY[:, None] ** np.arange(degrees[-1] + 1) @ by_degree
+        inside = ((q >= self.robot.lower) & (q <= self.robot.upper)).all(axis=1)
+        found[~(inside & (on_the_way.min(axis=0) >= self.margin))] = np.nan
+        return found
+
+
+def nodes(robot: Chain) -> tuple[Ints, Floats] | None:
+    """(terms, n) exponents of a robot's polynomials, and (N, n) commands for their fit; None where a range has no limits."""
+    n, size = robot.n_actuators, robot.upper - robot.lower
+    if not np.isfinite(size).all() or n > len(PRIMES):
+        return None
+    degree = max(d for d in range(1, 10) if comb(n + d, d) <= MOST_TERMS or d == 1)
+    powers = [e for e in product(range(degree + 1), repeat=n) if sum(e) <= degree]
+    exponents = np.array(sorted(powers, key=sum))
+    return exponents, robot.lower + size * halton(n, NODES_PER_TERM * len(exponents) + 1)[1:]
 
 
 def _terms(x: Floats, exponents: Ints) -> Floats:

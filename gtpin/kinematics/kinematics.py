@@ -12,7 +12,7 @@ import pinocchio as pin
 from gtpin.errors import ClosureError, ModelError, UnreachableError
 from gtpin.kinematics.closing import SINGULAR, LoopClosure
 from gtpin.kinematics.dynamics import Loads, loads, rod_ends
-from gtpin.kinematics.first_guess import FirstGuess
+from gtpin.kinematics.first_guess import FirstGuess, nodes
 from gtpin.kinematics.from_home import check_declared_home, open_at_home, ways_round
 from gtpin.kinematics.motion import FrameMotion
 from gtpin.kinematics.placed import Moves, PlacedParts, moves_of, placed_by, rotation, twisted
@@ -26,14 +26,17 @@ from gtpin.typing import Floats, Ints, Mask
 
 MANY = 1000
 """Number of poses from which a fitted first guess saves time."""
-CHUNK = 1024
+CHUNK = 512
 """Number of poses that are closed at once: large enough that Python takes little time, small enough for a processor's cache."""
 KEPT, LONGEST_KEPT = 8, 20_000
 """Number of arrays of commands whose configurations are kept, and of commands in one: 28 MB of a Gantry-Tau."""
 DOUBTFUL = 100.0
 """Ratio of a posture's amplification to that of home, above which it is closed again along a path from home. Assumed."""
-TRUSTED = 10.0
-"""A guess that was farther off than this multiple of its error at the nodes of its fit does not tell the assembly mode."""
+TRUSTED = 0.3
+"""A guess that was farther off, m, rad or a part of a quaternion, does not tell the assembly mode. Assumed."""
+SAME, USABLE = 1e-6, 0.3
+"""A guess is of use if all postures found from it at its nodes differ by less from those along paths from home, m and rad, and
+if these are at least such a part of the nodes. Assumed."""
 
 
 @dataclass(frozen=True)
@@ -102,15 +105,13 @@ class Kinematics:
         if near is None and self.loops.count:
             near = self._kept.get(q.tobytes()) if self._is_plain else nominal(self.robot).known(q)
         guess = self._guess if near is None and self.loops.count and len(q) >= MANY else None
-        lost = []
+        at_once = near is not None or guess is not None or not self.loops.count
         try:
-            for rows in _chunks(np.arange(len(q))):
+            for rows in _chunks(np.arange(len(q) if at_once else 0)):
                 placed = self.placed_at(q[rows])
                 here, reached = self._first(q[rows], placed, None if near is None else near[rows], guess)
-                if here is not None:
-                    self._write(here, placed, reached, rows, X, T, R)
-                lost.append(rows[~reached])
-            for rows in _chunks(np.concatenate([*lost, np.zeros(0, dtype=int)])):
+                self._write(here, placed, reached, rows, X, T, R)
+            for rows in _chunks(np.flatnonzero(np.isnan(T[:, 0])), 8 * CHUNK):
                 placed = self.placed_at(q[rows])
                 here, reached = self._from_home(self.travel(q[rows]), placed)
                 self._write(here, placed, reached, rows, X, T, R)
@@ -145,13 +146,12 @@ class Kinematics:
 
         ``plain``: the poses at q. ``twists``: by index of a frame, (N, 6) twists in its own axes, m and rad.
         """
-        plain = self._with_configurations(q, plain)
-        assert plain.configuration is not None
+        begin = self._configurations(q, plain)
         X = np.full((len(q), self.robot.model.nq), np.nan)
         T, R = np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan)
         for rows in _chunks(np.arange(len(q))):
             placed, moved = self.placed_at(q[rows]), {f: twist[rows] for f, twist in twists.items()}
-            here, reached, placed = self._moved(q[rows], plain.configuration[rows], commands[rows], placed, moved)
+            here, reached, placed = self._moved(q[rows], begin[rows], commands[rows], placed, moved)
             self._write(here, placed, reached, rows, X, T, R)
         return self._poses(X, T, R)
 
@@ -163,9 +163,7 @@ class Kinematics:
     def motion(self, q: Floats, poses: Poses) -> FrameMotion:
         """First-order motion by commands and by displaced frames."""
         placed = self.placed_at(q)
-        X = self._with_configurations(q, poses).configuration
-        assert X is not None
-        return FrameMotion(self.loops, self.loops.at(X, placed), placed)
+        return FrameMotion(self.loops, self.loops.at(self._configurations(q, poses), placed), placed)
 
     def command_jacobian(self, q: Floats, poses: Poses, at: FrameMotion | None = None) -> Floats:
         """(N, 6 + k, n) derivative of the poses by the commands; ``at``: the motion at q, where it is known."""
@@ -187,9 +185,7 @@ class Kinematics:
 
     def rod_ends(self, q: Floats, poses: Poses) -> tuple[Floats, Floats]:
         """(N, k, 3) joints of the k rods on the platform and on their carriers, base frame, m."""
-        X = self._with_configurations(q, poses).configuration
-        assert X is not None
-        return rod_ends(self.robot, self.loops.at(X, self.placed_at(q)))
+        return rod_ends(self.robot, self.loops.at(self._configurations(q, poses), self.placed_at(q)))
 
     @property
     def tcp(self) -> pin.SE3:
@@ -205,9 +201,7 @@ class Kinematics:
     def loads(self, q: Floats, poses: Poses, force: Floats | None = None, payload: Floats | None = None) -> Loads:
         """Static loads from gravity, a ``force`` (N, 3) on the tool, base frame, N, and a ``payload`` (N,) at the TCP, kg."""
         placed = self.placed_at(q)
-        X = self._with_configurations(q, poses).configuration
-        assert X is not None
-        return loads(self.loops, self.loops.at(X, placed), placed, force, payload)
+        return loads(self.loops, self.loops.at(self._configurations(q, poses), placed), placed, force, payload)
 
     def urdf(self) -> str:
         """The URDF of the robot with the geometry, as far as a URDF can represent it.
@@ -239,7 +233,7 @@ class Kinematics:
         placed = self.placed_at(self.robot.home_q[None])
         plain = self._is_plain
         begin = robot.assembly.configuration[None] if plain else nominal(robot).at_home.X
-        closing = loops.newton(loops.commanded(begin, q), placed, contraction=1.0)
+        closing = loops.newton(loops.at(loops.commanded(begin, q), placed), placed, contraction=1.0)
         if not closing.closed.all():
             if plain:
                 raise open_at_home(robot)
@@ -252,17 +246,15 @@ class Kinematics:
     def _is_plain(self) -> bool:
         return not self.geometry.deviation.any()
 
-    def _sound(self, here: Here) -> Mask:
-        """(N,) whether postures that were closed at once are on home's side of singularities, and far enough from them."""
-        D = self.loops.equations(here).D
-        amplification = self.loops.amplification(self.loops.inverse(D))
-        sound: Mask = (self.loops.side(D) == self._side) & (amplification <= self._largest * DOUBTFUL / SINGULAR)
-        return sound
+    def _regularity(self, D: Floats) -> Floats:
+        """(N,) squares of the determinants of D over that of home's, negative on the other side of a singularity."""
+        ratio = self.loops.determinant(D) / self._determinant
+        return np.asarray(ratio * np.abs(ratio))
 
     @cached_property
-    def _side(self) -> float:
-        """The sign of D's determinant at home: assembly modes meet where it is zero."""
-        return float(self.loops.side(self.loops.equations(self.at_home).D)[0])
+    def _determinant(self) -> float:
+        """The determinant at home: assembly modes meet where it is zero."""
+        return float(self.loops.determinant(self.loops.equations(self.at_home).D)[0])
 
     @cached_property
     def _largest(self) -> float:
@@ -271,21 +263,21 @@ class Kinematics:
 
     def _first(
         self, q: Floats, placed: PlacedParts, near: Floats | None, guess: FirstGuess | None
-    ) -> tuple[Here | None, Mask]:
+    ) -> tuple[Here, Mask]:
         """Postures at commands (N, n) closed at once, from those nearby or from a guess, and whether they were reached."""
         loops, travel = self.loops, self.travel(q)
         if not loops.count:
-            here = loops.at(loops.commanded(np.tile(self.robot.neutral, (len(q), 1)), travel), placed)
-            return here, np.ones(len(q), dtype=bool)
+            return loops.at(self._of_tree(travel), placed), np.ones(len(q), dtype=bool)
         if near is not None:
-            closing = loops.newton(loops.commanded(near, travel), placed)
-            return closing.here, closing.closed & self._sound(closing.here)
-        if guess is not None:
-            begin = loops.commanded(guess(travel), travel)
-            closing = loops.newton(begin, placed)
-            off = np.abs(closing.here.X - begin).max(axis=1)
-            return closing.here, closing.closed & (off <= TRUSTED * guess.error + 1e-9)
-        return None, np.zeros(len(q), dtype=bool)
+            closing = loops.newton(loops.at(loops.commanded(near, travel), placed), placed)
+            amplification = loops.amplification(loops.inverse(closing.D))
+            sound = (self._regularity(closing.D) > 0.0) & (amplification <= self._largest * DOUBTFUL / SINGULAR)
+            return closing.here, closing.closed & sound
+        assert guess is not None
+        begin = loops.commanded(guess(travel), travel)
+        closing = loops.newton(loops.at(begin, placed), placed)
+        off = np.abs(closing.here.X - begin).max(axis=1)
+        return closing.here, closing.closed & (off <= TRUSTED) & (self._regularity(closing.D) >= guess.margin)
 
     def _from_home(self, q: Floats, placed: PlacedParts) -> tuple[Here, Mask]:
         """Postures at travels (N, n) along straight lines from home, or by other ways where these are blocked."""
@@ -294,9 +286,8 @@ class Kinematics:
         lost = np.flatnonzero(~reached)
         if not lost.size:
             return found, reached
-        lost = lost[self.loops.can_close(self.loops.commanded(found.X[lost], q[lost]), placed.take(lost))]
         ways = ways_round(self.robot, q_home[0], q[lost])
-        if not lost.size or not len(ways):
+        if not len(ways):
             return found, reached
         corners, rows = np.concatenate(ways), np.tile(lost, len(ways))
 
@@ -318,7 +309,7 @@ class Kinematics:
         """Postures with displaced frames at other commands; near those X (N, nq) at q."""
         loops, robot, goal = self.loops, self.robot, self.travel(commands)
         moved = twisted(robot, placed, twists)
-        closing = loops.newton(loops.commanded(X, goal), moved)
+        closing = loops.newton(loops.at(loops.commanded(X, goal), moved), moved)
         here, reached = closing.here, closing.closed
         rows = np.flatnonzero(~reached & np.isfinite(X).all(axis=1))
         if loops.count and rows.size:
@@ -349,19 +340,31 @@ class Kinematics:
         joints = {joint.name: joint.coordinates(X) for joint in self.robot.measured_joints}
         return Poses(T, R, joints, X if self.loops.count else None)
 
-    def _with_configurations(self, q: Floats, poses: Poses) -> Poses:
+    def _configurations(self, q: Floats, poses: Poses) -> Floats:
+        """(N, nq) configurations of poses at commands q."""
         if not self.loops.count:
-            travel = self.travel(q)
-            X = self.loops.commanded(np.tile(self.robot.neutral, (len(q), 1)), travel)
-            return Poses(poses.T, poses.R, poses.joints, X)
-        return poses if poses.configuration is not None else self.forward(q)
+            return self._of_tree(self.travel(q))
+        X = poses.configuration if poses.configuration is not None else self.forward(q).configuration
+        assert X is not None
+        return X
+
+    def _of_tree(self, travel: Floats) -> Floats:
+        return self.loops.commanded(np.tile(self.robot.neutral, (len(travel), 1)), travel)
 
     @cached_property
     def _guess(self) -> FirstGuess | None:
-        plain = nominal(self.robot)
-        if plain is not self:
-            return plain._guess
-        return FirstGuess.fit(self.robot, self.at_home.X[0], self.known)
+        """The first guess of a robot as its file describes it; None where it is of no use."""
+        if (found := nodes(self.robot)) is None or not self.loops.square:
+            return None
+        exponents, q = found
+        X, home = self.known(q), self.at_home.X[0]
+        regularity = self._regularity(self.loops.equations(self.loops.at(X, self.placed)).D)
+        guess = FirstGuess.fit(self.robot, exponents, home, q, X, regularity)
+        if guess is not None:
+            here, reached = self._first(q, self.placed, None, guess)
+            right = np.abs(here.X[reached] - X[reached]).max(axis=1, initial=0.0) <= SAME
+            guess = guess if right.all() and np.mean(reached) >= USABLE else None
+        return guess
 
 
 def nominal(robot: Chain) -> Kinematics:
@@ -388,10 +391,10 @@ def reached_poses(kinematics: Kinematics, q: Floats) -> Poses:
     return poses
 
 
-def _chunks(rows: Ints) -> Iterator[Ints]:
-    """The rows in parts that are closed at once."""
-    for a in range(0, len(rows), CHUNK):
-        yield rows[a : a + CHUNK]
+def _chunks(rows: Ints, size: int = CHUNK) -> Iterator[Ints]:
+    """The rows in parts that are closed at once; larger ones along paths, of which a few are much longer than the others."""
+    for a in range(0, len(rows), size):
+        yield rows[a : a + size]
 
 
 def _tiled(here: Here, n: int) -> Here:

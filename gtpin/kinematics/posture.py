@@ -178,26 +178,18 @@ class ClosedPosture:
             If the line comes too near a singularity.
         """
         target, kinematics = _commands(self.robot, q), nominal(self.robot)
-        if self._is_home(kinematics):
-            poses = kinematics.forward(target[None])
-            if poses.reached.all():
-                configuration = poses.configuration
-                if configuration is None:  # of a tree, which has no loops to close
-                    configuration = self.robot.with_commands(self.robot.neutral, target)[None]
-                return ClosedPosture(self.robot, target, configuration[0], self.frame)
         loops, placed = kinematics.loops, kinematics.placed
         if not loops.count:
             return ClosedPosture(self.robot, target, self.robot.with_commands(self._configuration, target), self.frame)
+        if np.array_equal(self._configuration, kinematics.at_home.X[0]) and np.array_equal(self.q, self.robot.home_q):
+            X = kinematics.forward(target[None]).configuration
+            if X is not None and np.isfinite(X).all():
+                return ClosedPosture(self.robot, target, X[0], self.frame)
         start = loops.at(self._configuration[None], placed)
         last, reached, done = kinematics.follow(start, self.q[None], target[None], placed)
         if not reached.all():
             self._give_up(kinematics, target, last, float(done[0]))
         return ClosedPosture(self.robot, target, last.X[0], self.frame)
-
-    def _is_home(self, kinematics: Kinematics) -> bool:
-        return bool(np.array_equal(self.q, self.robot.home_q)) and (
-            not kinematics.loops.count or bool(np.array_equal(self._configuration, kinematics.at_home.X[0]))
-        )
 
     def _give_up(self, kinematics: Kinematics, target: Floats, last: Here, done: float) -> None:
         loops = kinematics.loops

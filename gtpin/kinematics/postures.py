@@ -31,38 +31,62 @@ class Here:
 
     def put(self, rows: Ints, some: Here) -> None:
         """Write some postures into these arrays."""
-        for name in ("X", "J", "oMi"):
-            getattr(self, name)[rows] = getattr(some, name)
+        self.X[rows], self.J[rows], self.oMi[rows] = some.X, some.J, some.oMi
         self.p[..., rows], self.g[..., rows] = some.p, some.g
 
 
 @dataclass(frozen=True)
 class Equations:
-    """The closure equations at N postures: directions d (E, 3, N), unit wrenches F (N, E, 6), their derivative D (N, E, e) by
-    the solved velocities, residuals r (N, E), m; and (L, 2, 3, N) the motions of the anchors by eliminated velocities."""
+    """The closure equations at N postures, E of the solved velocities and then those of the eliminated ones, in all M.
 
-    d: Floats
-    F: Floats
-    D: Floats
-    r: Floats
+    Their directions (M, 3, N), wrenches (N, M, 6) along these, derivative ``rates`` (N, M, e) by the solved velocities, and
+    components ``open`` (N, M) of the gaps; ``private``: (L, 2, 3, N) the motions of the anchors by eliminated velocities.
+    """
+
+    count: int
+    directions: Floats
+    wrenches: Floats
+    rates: Floats
+    open: Floats
     private: Floats
+
+    @property
+    def d(self) -> Floats:
+        """(E, 3, N) directions of the first E."""
+        return self.directions[: self.count]
+
+    @property
+    def F(self) -> Floats:
+        """(N, E, 6) their wrenches."""
+        return self.wrenches[:, : self.count]
+
+    @property
+    def D(self) -> Floats:
+        """(N, E, e) their derivative."""
+        return self.rates[:, : self.count]
+
+    @property
+    def r(self) -> Floats:
+        """(N, E) their components of the gaps, m."""
+        return self.open[:, : self.count]
 
     def take(self, rows: Ints | Mask) -> Equations:
         """Those of some of the postures."""
-        return Equations(self.d[..., rows], self.F[rows], self.D[rows], self.r[rows], self.private[..., rows])
+        d, private = self.directions[..., rows], self.private[..., rows]
+        return Equations(self.count, d, self.wrenches[rows], self.rates[rows], self.open[rows], private)
 
     def put(self, rows: Ints, some: Equations) -> None:
         """Write those of some postures into these arrays."""
-        self.F[rows], self.D[rows], self.r[rows] = some.F, some.D, some.r
-        self.d[..., rows], self.private[..., rows] = some.d, some.private
+        self.wrenches[rows], self.rates[rows], self.open[rows] = some.wrenches, some.rates, some.open
+        self.directions[..., rows], self.private[..., rows] = some.directions, some.private
 
 
 @dataclass(frozen=True)
 class Closed:
     """Result of Newton's method for N starts: the last iterates, (N,) whether their loops are closed and all steps contracted,
-    (N,) the number of steps, and D (N, E, e) at the start; None where all starts were closed."""
+    (N,) the number of steps, and D (N, E, e) where the last one began."""
 
     here: Here
     closed: Mask
     steps: Ints
-    first: Floats | None
+    D: Floats

@@ -15,7 +15,7 @@ from gtpin.kinematics.arguments import like, rows_of, wanted
 from gtpin.kinematics.dynamics import Forces
 from gtpin.kinematics.frames import Moving, frame_of
 from gtpin.kinematics.inverse import out_of_reach, solved
-from gtpin.kinematics.kinematics import Kinematics, nominal
+from gtpin.kinematics.kinematics import nominal
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.read_only import read_only
@@ -61,10 +61,6 @@ class Robot(Chain):
     @cached_property
     def _home(self) -> ClosedPosture:
         return home(self)
-
-    @cached_property
-    def _kinematics(self) -> Kinematics:
-        return nominal(self)
 
     def forward(self, q: npt.ArrayLike, frame: str | None = None) -> Any:
         """The pose of the TCP, or of another frame, at commands: forward kinematics.
@@ -132,7 +128,7 @@ class Robot(Chain):
             return self._home.of(frame).moved_to(commands).jacobian.copy()
         if frame is not None:
             return self._moving(commands).jacobian(frame_of(self, frame))
-        return self._kinematics.command_jacobian(commands, self._poses(commands))[:, :6]
+        return nominal(self).command_jacobian(commands, self._poses(commands))[:, :6]
 
     def velocity(self, q: npt.ArrayLike, v: npt.ArrayLike, frame: str | None = None) -> Floats:
         """The velocity of the TCP, or of another frame, at velocities of the commands.
@@ -306,7 +302,7 @@ class Robot(Chain):
         near = self.home_q if start is None else self._commands(start)
         if near.ndim == 2 and len(near) != len(T):
             raise ModelError(f"{len(near)} commands to start from for {len(T)} poses", hint="give one for each, or one")
-        q = solved(self._kinematics, T, R, np.array(np.broadcast_to(near, (len(T), self.n_actuators))))
+        q = solved(nominal(self), T, R, np.array(np.broadcast_to(near, (len(T), self.n_actuators))))
         lost = np.flatnonzero(~np.isfinite(q).all(axis=1))
         if lost.size:
             raise out_of_reach(self.name, T[lost[0]], R is not None, row=int(lost[0]) if many else None)
@@ -345,7 +341,7 @@ class Robot(Chain):
 
     def _poses(self, q: Floats) -> Poses:
         """Poses (N) at commands (N, n); `ClosureError` where one can't be reached."""
-        poses = self._kinematics.forward(q)
+        poses = nominal(self).forward(q)
         for row in np.flatnonzero(~poses.reached)[:1]:
             try:
                 self._home.moved_to(q[row])

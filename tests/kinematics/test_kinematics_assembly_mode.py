@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.errors import AssemblyModeError
-from gtpin.kinematics.kinematics import Kinematics
+from gtpin.kinematics.kinematics import MANY, Kinematics
 from gtpin.kinematics.rotations import log
 from gtpin.robot.description import RobotDescription
 
@@ -153,3 +153,17 @@ def test_a_home_where_the_loop_does_not_close_is_refused(four_bar: gtpin.Robot, 
         gtpin.home(robot)
     with pytest.raises(AssemblyModeError, match="rad from the home"):
         gtpin.Model(gtpin.Geometry.nominal(robot)).predict([[0.0]])
+
+
+@pytest.mark.parametrize("name", gtpin.robot_names())
+def test_many_commands_at_once_are_reached_as_along_paths_from_home(name: str) -> None:
+    """Many are closed from a fitted guess, few by paths: over the whole ranges, where some lie beyond singularities."""
+    robot = gtpin.load_robot(name)
+    q = np.random.default_rng(7).uniform(robot.lower, robot.upper, (MANY, robot.n_actuators))
+    at_once = Kinematics(gtpin.Geometry.nominal(robot)).forward(q)
+    other = Kinematics(gtpin.Geometry.nominal(gtpin.load_robot(name)))
+    for rows in np.split(np.arange(MANY), 4):
+        few, some = other.forward(q[rows]), at_once[rows]
+        assert np.array_equal(few.reached, some.reached)
+        assert np.abs(few.T - some.T)[few.reached].max() <= 1e-12
+        assert np.abs(few.R - some.R)[few.reached].max() <= 2e-12

@@ -83,9 +83,9 @@ def test_one_singular_pose_in_a_batch_spoils_no_other(machine: Closures, closure
     equations = loops.equations(here)
     dq = np.full(q.shape, 0.01)
     steps, inverses = loops.step(here, equations, dq), loops.inverse(equations.D)
-    D = equations.D.copy()
-    D[1:3] = spoilt
-    found, inverse = loops.step(here, replace(equations, D=D), dq), loops.inverse(D)
+    spoiled = replace(equations, rates=equations.rates.copy())
+    spoiled.D[1:3] = spoilt
+    found, inverse = loops.step(here, spoiled, dq), loops.inverse(spoiled.D)
     np.testing.assert_allclose(found[[0, 3]], steps[[0, 3]], rtol=0, atol=1e-12)
     np.testing.assert_allclose(inverse[[0, 3]], inverses[[0, 3]], rtol=1e-9, atol=1e-12)
     assert (loops.amplification(inverse[1:3]) > 1e12).all()

@@ -18,7 +18,7 @@ def test_newton_from_a_neighbouring_posture_needs_at_most_four_steps(robot: gtpi
     poses, neighbour = arrays.forward(q), q + 0.05 * rng.uniform(-1.0, 1.0, q.shape)
     # From the neighbour's own coordinates, with nothing but the carts moved.
     assert poses.configuration is not None
-    closing = loops.newton(loops.commanded(poses.configuration, neighbour), arrays.placed)
+    closing = loops.newton(loops.at(loops.commanded(poses.configuration, neighbour), arrays.placed), arrays.placed)
     assert closing.closed.all()
     assert closing.steps.max() <= 4
     np.testing.assert_allclose(closing.here.X, arrays.forward(neighbour).configuration, rtol=0, atol=1e-12)
@@ -54,7 +54,9 @@ def test_rotations_stay_orthogonal_over_long_paths(robot: gtpin.Robot, at_home: 
 
 def test_moving_nowhere_takes_no_step(at_home: gtpin.ClosedPosture, arrays: Kinematics) -> None:
     there = at_home.moved_to([0.1, -0.2, 0.3])
-    assert arrays.loops.newton(there.configuration[None], arrays.placed).steps.tolist() == [0]
+    assert arrays.loops.newton(
+        arrays.loops.at(there.configuration[None], arrays.placed), arrays.placed
+    ).steps.tolist() == [0]
     np.testing.assert_allclose(there.moved_to(there.q).configuration, there.configuration, rtol=0, atol=2e-14)
 
 
