@@ -289,7 +289,7 @@ class Search:
                 continue
             seen = self._seen(poses, Measured(q, T, None), turned)
             plain, conjugate, *others = orientation_readings(positions, turned=turned)
-            rotations: list[RotationReading] = [plain, conjugate, *orders(), *misread(), *others]
+            rotations: list[RotationReading] = [plain, conjugate, *orders(), *others, *misread()]
             if self.free_tool:  # other axes of the target are a free target
                 rotations = [o for o in rotations if not (isinstance(o, Orientations) and o.of_target)]
             for o in rotations:
