@@ -6,34 +6,28 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from scipy.spatial.transform import Rotation
 
 from gtpin.calibration.checks.prepared import check_actuators
-from gtpin.calibration.checks.suspected import Size, suspect
 from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
-from gtpin.data.plausible import in_order, misplaced, order_that_fits
 from gtpin.data.sane import sane_rows
 from gtpin.errors import DatasetError
 from gtpin.instruments.frame_and_target import Placement, frame_and_target
 from gtpin.kinematics.kinematics import Kinematics
-from gtpin.kinematics.poses import Poses
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
 POSITION, ROTATION = 0.05, 0.1
 """Smallest tolerances, m and rad, of a free target about its first guess. The error of the guess is that of the robot,
 millimetres, where the poses determine the target."""
-FEWEST, ROWS = 6, 100
-"""Smallest and largest number of poses from which the order of quaternions is determined."""
 
 
 def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
     """The geometry with the TCP moved to a first guess of the target and with wide tolerances, if the dataset's target is free.
 
-    Raises `DatasetError` where the TCP's place is no parameter, as of a robot with rods; for another number of actuators; or
-    if the quaternions fit a target only in another order. Warns: says what the poses can't determine, and what is assumed.
+    Raises `DatasetError` where the TCP's place is no parameter, as of a robot with rods, or for another number of actuators.
+    Warns: says what the poses can't determine, and what is assumed.
     """
     if dataset.instrument.target != "free":
         return geometry
@@ -44,9 +38,6 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
     check_actuators(geometry.robot, dataset)
     measured = measured_poses(dataset.take(sane_rows(dataset)))
     free = dataset.instrument.frame == "free"
-    poses = Kinematics(without_target(geometry)).forward(measured.q)
-    good = poses.reached
-    _check_order(dataset, poses[good], measured.take(good), free)
     found, place = with_target(geometry, measured, free_frame=free)
     if place is not None and (text := unseen_words(place.unseen)):
         warn_of(dataset.file, text)
@@ -92,24 +83,3 @@ def without_target(geometry: Geometry) -> Geometry:
     """The geometry with the TCP where the robot's description has it, and its place no parameter."""
     kept = [i for i, p in enumerate(geometry.parameters) if p.kind != "platform"]
     return replace(geometry, parameters=tuple(geometry.parameters[i] for i in kept), values=geometry.values[kept])
-
-
-def _check_order(dataset: Dataset, predicted: Poses, measured: Measured, free_frame: bool) -> None:
-    """Suspect quaternions with which a target on the platform fits far better in another order of their numbers."""
-    # Positions count as well: where the robot turns about one axis only, a free target can compensate an inverted rotation.
-    some = np.linspace(0, len(predicted) - 1, min(len(predicted), ROWS)).astype(int)
-    predicted, measured = predicted[some], measured.take(some)
-    if measured.R is None or len(predicted) < FEWEST:
-        return
-    quaternion = Rotation.from_matrix(measured.R.copy()).as_quat(scalar_first=True)
-    size = max(float(np.linalg.norm(predicted.T - predicted.T.mean(axis=0), axis=1).mean()), 1e-6)
-    sizes: dict[str, Size] = {}
-
-    def off(order: str) -> float:
-        R = Rotation.from_quat(in_order(quaternion, order), scalar_first=True).as_matrix()
-        sizes[order] = frame_and_target(predicted, measured.T, R, free_frame=free_frame).scale
-        return sizes[order][1] + sizes[order][0] / size
-
-    order = order_that_fits(off)
-    if order is not None:
-        suspect(misplaced(dataset, order), dataset, sizes["wxyz"], sizes[order])

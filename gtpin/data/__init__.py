@@ -3,7 +3,7 @@
 from gtpin.data.commands import CartMeasurements, Commands
 from gtpin.data.dataset import Dataset
 from gtpin.data.description import SCHEMA, Conditions, Description, Driver, InstrumentSection
-from gtpin.data.plausible import check_commands, check_measurements, without_whole_turns
+from gtpin.data.plausible import check_commands, without_whole_turns
 from gtpin.data.split import by_region, by_session, random
 from gtpin.errors import renamed_names
 
@@ -19,7 +19,6 @@ __all__ = [
     "by_region",
     "by_session",
     "check_commands",
-    "check_measurements",
     "random",
     "without_whole_turns",
 ]

@@ -1,11 +1,10 @@
-"""Whether a dataset can be of the robot that it names: ranges, units, the order of quaternions, reach."""
+"""Commands against the ranges of a robot's actuators: units, whole turns, and rows that are outside."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import permutations
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,10 +13,7 @@ from gtpin.data.commands import Commands
 from gtpin.data.dataset import Dataset
 from gtpin.data.files import warn_of
 from gtpin.errors import DatasetError, warn
-from gtpin.typing import Floats, Mask
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
+from gtpin.typing import Mask
 
 Doubt = Callable[[DatasetError, Any], None]
 """Decides on a suspected mistake, by its error and the rows without the mistake: it raises the error, or returns."""
@@ -31,15 +27,6 @@ ONCE = 2.0 * np.pi
 from 0 to 360 degrees or to either side; commands in degrees are farther off."""
 _SEVERAL = 6
 """Fewest rows out of range for the message that a part of a column is in another unit. Assumed."""
-_AS_NAMED = "wxyz"
-_OFF = 0.05
-"""Median angle, rad, up to which quaternions are used as they are. Assumed."""
-_FAR_BETTER = 4.0
-"""Factor by which the median angle of another order must be smaller than that of ``wxyz``. Assumed."""
-_AGREES = np.deg2rad(20.0)
-"""Median angle, rad, within which an order of the columns agrees with the robot. Assumed."""
-_ALIKE = 0.01
-"""Orders whose median angles, rad, differ by less can't be distinguished. Assumed."""
 
 
 def certainly(error: DatasetError, _: Any) -> None:
@@ -125,59 +112,7 @@ def check_commands(
     _check_endless(rows, names, turns & ~np.isfinite(high - low), suspect)
     outside = (beyond > 1e-9 * np.where(np.isfinite(high - low), high - low, 0.0)).any(axis=1)
     if outside.any():
-        warn_of(rows.file, f"commands a little outside the robot's range: {_poses(rows, outside)}")
-
-
-def check_measurements(
-    dataset: Dataset,
-    *,
-    predicted_position: ArrayLike,
-    predicted_rotation: ArrayLike,
-    reach: float,
-    suspect: Doubt = certainly,
-) -> Mask:
-    """Check measurements against a nominal prediction; give the (N,) mask of rows that the robot can reach.
-
-    Parameters
-    ----------
-    predicted_position, predicted_rotation
-        (N, 3) m and (N, 3, 3): pose of the TCP by the nominal model, base frame; NaN where it can't reach the commands.
-    reach
-        Largest displacement of the TCP that deviations of the geometry within its tolerances cause, m.
-    suspect
-        What is done with a suspected mistake.
-
-    Raises `DatasetError` for measurements that look like millimetres or quaternions in another order than qw qx qy qz,
-    and where no pose at all can be reached. Warns of the poses that are set aside. Gross errors of single rows are accepted.
-    """
-    position, rotation = np.asarray(predicted_position, float), np.asarray(predicted_rotation, float)
-    keep: Mask = np.isfinite(position).all(axis=1) & np.isfinite(rotation).all(axis=(1, 2))
-    if not keep.any():
-        hint = "check that dataset.toml names the robot that was measured"
-        raise DatasetError("the robot can reach none of the poses", file=dataset.file, hint=hint)
-    free = dataset.instrument.frame == "free"
-    if _looks_like_millimetres(dataset.position[keep], position[keep], reach, free):
-        hint = "divide x, y and z by 1000"
-        what = "the measured position looks like millimetres"
-        error = DatasetError(what, file=dataset.file, column="x y z", hint=hint)
-        suspect(error, replace(dataset, position=dataset.position / 1000.0))
-    at = (dataset.position[keep], position[keep]) if free else None
-    if dataset.orientation is not None:
-        order = misplaced_order(dataset.orientation[keep], rotation[keep], at)
-        if order is not None:
-            suspect(misplaced(dataset, order), replace(dataset, orientation=in_order(dataset.orientation, order)))
-    if not keep.all():
-        warn_of(dataset.file, f"set aside, for the robot can't reach them: {_poses(dataset, ~keep)}")
-    return keep
-
-
-def misplaced(dataset: Dataset, order: str) -> DatasetError:
-    """The error that the numbers of quaternions stand in another order, with the first that is not in its own column."""
-    part = next(part for part, there in zip(_AS_NAMED, order, strict=True) if part != there)
-    under = _AS_NAMED[order.index(part)]
-    what = f"the measured orientation looks like {order} quaternions, as if {part} were under q{under}"
-    hint = "give qw qx qy qz in that order of meaning, scalar first"
-    return DatasetError(what, file=dataset.file, column="qw qx qy qz", hint=hint)
+        warn_of(rows.file, f"commands a little outside the robot's range: {named_poses(rows, outside)}")
 
 
 def _check_endless(rows: Dataset | Commands, names: Sequence[str], endless: Mask, suspect: Doubt) -> None:
@@ -225,86 +160,8 @@ def _far_outside(
     return DatasetError(what + looks, file=file, row=line, column=f"q{actuator + 1}", hint=hint)
 
 
-def _looks_like_millimetres(measured: Floats, predicted: Floats, reach: float, free: bool) -> bool:
-    if not free:
-        off = np.median(np.linalg.norm(measured - predicted, axis=1))
-        scaled = np.median(np.linalg.norm(measured / 1000.0 - predicted, axis=1))
-        return bool(off > reach and scaled <= reach)
-    # Medians, so that a gross error in a few rows does not look like another unit.
-    spread = [np.median(np.linalg.norm(x - np.median(x, axis=0), axis=1)) for x in (measured, predicted)]
-    if not 500.0 * spread[1] < spread[0] < 2000.0 * spread[1]:
-        return False
-    # One axis in millimetres spreads positions along that axis only, and is another mistake: here all axes are.
-    wide, wider = (np.linalg.svd(x, compute_uv=False) for x in _about_medians(measured, predicted))
-    there = wide > 0.05 * wide[0]
-    return bool((wider[there] > 100.0 * wide[there]).all())
-
-
-def _poses(rows: Any, mask: Mask, shown: int = 10) -> str:
+def named_poses(rows: Any, mask: Mask, shown: int = 10) -> str:
+    """Text for a message with the names of the first poses of some rows (N,)."""
     poses = list(dict.fromkeys(rows.pose[mask]))
     more = f" and {len(poses) - shown} more" if len(poses) > shown else ""
     return f"pose{'s' if len(poses) > 1 else ''} {', '.join(poses[:shown])}{more}"
-
-
-def misplaced_order(quaternion: Floats, predicted: Floats, free: tuple[Floats, Floats] | None) -> str | None:
-    """The actual content of the columns qw, qx, qy and qz, such as ``xyzw``; None where it is ``wxyz``, or no order fits.
-
-    ``quaternion``: (N, 4) unit quaternions as measured. ``predicted``: (N, 3, 3) rotations of the nominal model, base
-    frame. ``free``: for a free frame: (N, 3) measured and predicted positions, m, from which the frame's rotation is found;
-    else None.
-    """
-    from scipy.spatial.transform import Rotation
-
-    expected = Rotation.from_matrix(predicted)
-    if free is not None:
-        turned = _turn(*free)
-        if turned is None:
-            return None
-        expected = turned * expected
-    wanted = expected.as_quat(scalar_first=True)
-    return order_that_fits(lambda order: _off(quaternion, wanted, order))
-
-
-def order_that_fits(off: Callable[[str], float]) -> str | None:
-    """The order of w, x, y and z that fits far better than ``wxyz``; None where ``wxyz`` fits, or where no order does so.
-
-    ``off``: function that gives, for an order of the columns, how far measured poses are from expected ones: the median
-    angle between orientations, rad, to which a median distance may be added, converted to an angle.
-    """
-    as_named = off(_AS_NAMED)
-    if as_named <= _OFF:
-        return None
-    orders = ["xyzw", *("".join(order) for order in permutations(_AS_NAMED))]  # the usual one is first, and wins a tie
-    found = np.array([off(order) for order in orders])
-    if found.min() > min(_AGREES, as_named / _FAR_BETTER):
-        return None
-    return orders[int(np.argmax(found <= found.min() + _ALIKE))]
-
-
-def in_order(quaternion: Floats, order: str) -> Floats:
-    """(N, 4) quaternions wxyz, from columns that have the content ``order``, such as ``xyzw``."""
-    return quaternion[:, [order.index(part) for part in _AS_NAMED]]
-
-
-def _off(quaternion: Floats, wanted: Floats, order: str) -> float:
-    """Median angle, rad, between wanted quaternions wxyz and measured ones whose columns have the content ``order``."""
-    read = in_order(quaternion, order)
-    # Medians, so that gross errors in a few rows decide nothing.
-    return float(np.median(2.0 * np.arccos(np.minimum(np.abs((read * wanted).sum(axis=1)), 1.0))))
-
-
-def _turn(measured: Floats, predicted: Floats) -> Rotation | None:
-    """Rotation that takes predicted positions to measured ones; None where they do not determine it, as on one line."""
-    from scipy.spatial.transform import Rotation
-
-    a, b = _about_medians(measured, predicted)
-    if len(a) < 3 or np.linalg.svd(a, compute_uv=False)[1] < 0.01:
-        return None
-    return Rotation.align_vectors(b, a)[0]
-
-
-def _about_medians(measured: Floats, predicted: Floats) -> tuple[Floats, Floats]:
-    """Predicted and measured positions, each less its median, without gross errors of the measured ones."""
-    a, b = predicted - np.median(predicted, axis=0), measured - np.median(measured, axis=0)
-    near = np.linalg.norm(b, axis=1) <= 10.0 * np.median(np.linalg.norm(b, axis=1))
-    return a[near], b[near]

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.bench.simulator import simulate
+from gtpin.calibration.checks.readings import orders
 from gtpin.calibration.checks.recognise import recognised
 from gtpin.calibration.problem import measured_poses
 from gtpin.errors import DatasetError, GtpinWarning
@@ -167,6 +169,49 @@ def test_a_metre_along_x_may_always_be_another_frame(robot, orientations):
 def test_conjugated_quaternions_are_recognised(robot):
     for seed in (614, 702):
         assert "the orientations look inverted (conjugated)" in (found(robot, conjugated(machine(robot, seed))) or "")
+
+
+USUAL_ORDERS = ("xyzw", "zxyw", "wyxz")
+RARE_ORDERS = [order for order in map("".join, permutations("wxyz")) if order not in ("wxyz", *USUAL_ORDERS)]
+
+
+@pytest.mark.parametrize("frame", ["robot", "free"])
+@pytest.mark.parametrize(
+    "order", [*USUAL_ORDERS, *(pytest.param(order, marks=pytest.mark.slow) for order in RARE_ORDERS)]
+)
+def test_quaternions_in_any_other_order_are_recognised(frame, order):
+    data = machine("gantry_tau", 611)
+    data = elsewhere(data, 611, "free") if frame == "free" else data
+    told = found("gantry_tau", replace(data, orientation=data.orientation[:, ["wxyz".index(p) for p in order]]))
+    if order[0] == "w":
+        if frame == "robot":  # a free frame takes up a part of such small turns: they are named after the fit
+            assert "qx qy qz look to be along other axes" in told
+            there = [f"q{part} = q{'wxyz'[order.index(part)]}" for part in "xyz"]
+            assert f"write ({', '.join(there)})" in told
+    else:
+        assert f"looks like {order} quaternions" in told
+        assert "give qw qx qy qz in that order of meaning, scalar first" in told
+
+
+@pytest.mark.parametrize(
+    ("order", "told"), [("xyzw", "w were under qz"), ("xwyz", "w were under qx"), ("zxyw", "w were under qz")]
+)
+def test_where_the_scalar_stands_is_told(order, told):
+    looks = next(reading.looks for reading in orders() if reading.order == order)
+    assert looks.endswith(f"as if {told}")
+
+
+@pytest.mark.slow
+def test_orientations_that_are_all_turned_by_some_angle_are_no_order():
+    data = machine("gantry_tau", 611)
+    for angle in (0.03, 0.15, 0.4):
+        words = found("gantry_tau", turned(data, Rotation.from_rotvec([0.0, angle, 0.0]) * rotations(data)))
+        assert words is None or "quaternions" not in words
+
+
+def test_scalar_last_quaternions_of_a_platform_that_hardly_turns_are_recognised():
+    data = machine("linear_delta", 611)
+    assert "looks like xyzw" in found("linear_delta", replace(data, orientation=np.roll(data.orientation, -1, axis=1)))
 
 
 @pytest.mark.slow

@@ -217,7 +217,30 @@ class Misread(Reading):
         return _from_euler(self.meant, numbers)
 
 
-RotationReading = Orientations | Misread
+@dataclass(frozen=True)
+class Order(Reading):
+    """A mistake: the four columns of quaternions have the content ``order``, such as ``xyzw``, and not ``wxyz``."""
+
+    order: str
+
+    def read(self, rotation: Rotation) -> Floats:
+        """(N, 3, 3) rotations without the mistake, from those that were read."""
+        found = rotation.as_quat(scalar_first=True)[:, [self.order.index(part) for part in "wxyz"]]
+        return np.asarray(Rotation.from_quat(found, scalar_first=True).as_matrix())
+
+
+def orders() -> Iterator[Order]:
+    """Orders of the columns of quaternions in which the scalar is not the first one; the usual one, ``xyzw``, first.
+
+    (Other orders of the vector part are other axes.)
+    """
+    for parts in ("xyzw", *("".join(parts) for parts in permutations("wxyz") if parts[0] != "w")):
+        part = next(part for part, there in zip("wxyz", parts, strict=True) if part != there)
+        looks = f"the measured orientation looks like {parts} quaternions, as if {part} were under q{'wxyz'[parts.index(part)]}"
+        yield Order(looks, "give qw qx qy qz in that order of meaning, scalar first", 1, parts)
+
+
+RotationReading = Orientations | Misread | Order
 """A way to read measured rotations."""
 
 

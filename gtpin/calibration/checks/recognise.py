@@ -14,11 +14,13 @@ from gtpin.calibration.checks.readings import (
     Orientations,
     RotationReading,
     misread,
+    orders,
     orientation_readings,
     position_readings,
 )
 from gtpin.calibration.free_target import without_target
 from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.data.names import ORIENTATION
 from gtpin.instruments.frame_and_target import Placement, frame_and_target, nearest
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log
@@ -244,8 +246,11 @@ class Search:
                 yield from others
 
     def _in_frame(self, turned: bool) -> Iterator[tuple[float, Interpretation]]:
-        for reading in self._measurements(turned):
-            yield self._tried(reading, turned)
+        measured = [self._tried(reading, turned) for reading in self._measurements(turned)]
+        yield from measured
+        # Where the orientations alone must be read otherwise, the positions show that the commands are right.
+        if any(misfit <= self.accepted and reading.columns == " ".join(ORIENTATION) for misfit, reading in measured):
+            return
         for misfit, reading in self._commands(one_mistake(self.nominal.robot.revolute), turned):
             yield self._named(misfit, reading, turned)
 
@@ -284,7 +289,7 @@ class Search:
                 continue
             seen = self._seen(poses, Measured(q, T, None), turned)
             plain, conjugate, *others = orientation_readings(positions, turned=turned)
-            rotations: list[RotationReading] = [plain, conjugate, *misread(), *others]
+            rotations: list[RotationReading] = [plain, conjugate, *orders(), *others, *misread()]
             if self.free_tool:  # other axes of the target are a free target
                 rotations = [o for o in rotations if not (isinstance(o, Orientations) and o.of_target)]
             for o in rotations:

@@ -14,8 +14,10 @@ from gtpin.calibration.checks.suspected import NO_FIT, PLAUSIBLE, Size, refuse, 
 from gtpin.calibration.free_target import with_target
 from gtpin.calibration.gauss_newton import fit
 from gtpin.calibration.problem import Measured, Problem, measured_poses, rough_frame, with_unknowns
-from gtpin.data import Dataset, InstrumentSection, check_commands, check_measurements
+from gtpin.data import Dataset, InstrumentSection, check_commands
+from gtpin.data.files import warn_of
 from gtpin.data.names import ORIENTATION
+from gtpin.data.plausible import named_poses
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.frame_and_target import MEDIAN
 from gtpin.instruments.readings import Readings
@@ -61,15 +63,9 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
         check_other_readings(dataset, nominal, poses, ~outside)
 
     def doubt(error: DatasetError, corrected: Dataset) -> None:
-        turned = error.column == " ".join(ORIENTATION)
-        if turned:
-            alone = replace(dataset, orientation=None)
-            if _looks(alone, nominal, poses, ~outside):  # where positions do not fit either, the order is not known
-                check_other_readings(dataset, nominal, poses, ~outside)
-                check_other_readings(alone, nominal, poses, ~outside)
-                return
-        before, after = (left_after_fit(nominal, measured_poses(d), d.instrument) for d in (dataset, corrected))
-        suspect(error, dataset, before, after, exact=turned)
+        suspect(
+            error, dataset, *(left_after_fit(nominal, measured_poses(d), d.instrument) for d in (dataset, corrected))
+        )
 
     try:
         check_commands(
@@ -78,11 +74,14 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
     except DatasetError:
         check_other_readings(dataset, nominal, poses, ~outside)  # the measurements may show which unit it is
         raise
-    plausible = check_measurements(
-        dataset, predicted_position=poses.T, predicted_rotation=poses.R, reach=reach_of(geometry), suspect=doubt
-    )
-    check_other_readings(dataset, nominal, poses, plausible & ~outside)
-    return np.asarray(plausible & ~outside)
+    there = poses.reached
+    if not there.any():
+        hint = "check that dataset.toml names the robot that was measured"
+        raise DatasetError("the robot can reach none of the poses", file=dataset.file, hint=hint)
+    check_other_readings(dataset, nominal, poses, there & ~outside)
+    if not there.all():
+        warn_of(dataset.file, f"set aside, for the robot can't reach them: {named_poses(dataset, ~there)}")
+    return np.asarray(there & ~outside)
 
 
 def check_other_readings(
@@ -100,7 +99,11 @@ def check_other_readings(
     free = dataset.instrument.frame == "free" or looks.elsewhere
     read = dataset.instrument.model_copy(update={"frame": "free"}) if free else dataset.instrument
     before = left_after_fit(nominal, measured_poses(dataset.take(rows)), dataset.instrument)
-    suspect(error, dataset, before, left_after_fit(nominal, looks.corrected(nominal, free), read))
+    after, turned = (
+        left_after_fit(nominal, looks.corrected(nominal, free), read),
+        looks.columns == " ".join(ORIENTATION),
+    )
+    suspect(error, dataset, before, after, exact=turned)
 
 
 def _looks(
