@@ -168,6 +168,7 @@ def measured(
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:these poses do not tell where the target")
 @pytest.mark.parametrize("frame", ["robot", "free"])
 @pytest.mark.parametrize("robot", [ROBOT, TURNING], ids=["ur5", "one joint"])
 def test_the_order_of_quaternions_is_recognised_with_a_free_target(

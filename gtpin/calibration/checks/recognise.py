@@ -239,6 +239,8 @@ class Search:
         if self.strayed:
             others += (self._tried(reading, self.free) for reading in self._targets(self.free))
         yield from others
+        if self.nominal.kinematics.loops.count:  # whose zeros have no grid, and whose poses take a hundred times longer
+            return
         for turned in dict.fromkeys((self.free, True)):
             if all(m > enough for m, r in (*found, *others)):
                 several = self._commands(several_mistakes(revolute), turned)
