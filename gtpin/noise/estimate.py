@@ -86,10 +86,10 @@ def likeliest(
 
     def climbed(start: Floats, most: Floats, gain: float = SETTLED) -> tuple[float, Floats]:
         """Minus the likelihood's logarithm at its maximum next to a start, and x there; it stops at a smaller relative gain."""
-        options, bounds = {"ftol": gain, "gtol": EXACT}, np.column_stack([np.minimum(least, most), most])
         from scipy.optimize import minimize
 
-        found = minimize(cost, start, jac=True, bounds=bounds, method="L-BFGS-B", options=options)
+        bounds = list(zip(np.minimum(least, most).tolist(), most.tolist(), strict=True))
+        found = minimize(cost, start, jac=True, bounds=bounds, method="L-BFGS-B", options={"ftol": gain, "gtol": EXACT})
         return float(found.fun), np.asarray(found.x, dtype=np.float64)
 
     starts = (np.log([repeatability] + [sigma] * len(open_)) for repeatability, sigma in STARTS)
@@ -173,7 +173,7 @@ def contradicted(
     gain = misfit(found, tamed(contrast, found.group), by_command) - misfit(
         free, tamed(contrast, found.group), by_command
     )
-    likelier = float(chi2.sf(gain, max(np.count_nonzero(tested), 1))) <= chance
+    likelier = float(chi2.sf(gain, float(max(int(tested.sum()), 1)))) <= chance
     return tested & likelier & (free.sigma > larger * found.sigma)
 
 
