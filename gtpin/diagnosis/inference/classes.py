@@ -10,7 +10,7 @@ from math import exp, sqrt
 import numpy as np
 
 from gtpin.diagnosis.hypotheses.hypothesis import Hypothesis, SmoothTerm
-from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, Gain, HypothesisSet, Term, causes
+from gtpin.diagnosis.hypotheses.hypothesis_set import Explanation, Gain, HypothesisSet, Term, causes, smooth_terms
 from gtpin.diagnosis.hypotheses.lines import with_its_lines
 from gtpin.diagnosis.inference.findings import Conclusion, Contender, Doubt, FlexibleFamily, Undecided
 from gtpin.diagnosis.inference.where import marginal_power
@@ -47,8 +47,9 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unl
     """Everything that could be in the place of a cause, with its probability.
 
     A hypothesis that only a proxy shows is at most as probable as the most probable one that recorded covariates show.
-    ``unlisted``: whether something acts that no effect describes. Then nothing is against the smooth terms that compete, and
-    they gain what an unlisted effect departs from a smooth function: as much as a cause departs from its equation.
+    ``unlisted``: whether something acts that no effect describes. Then nothing is against the smooth terms that compete.
+    Those of the cause's own site and coordinates gain in addition, also beside smooth terms of the model, what an unlisted
+    effect departs from a smooth function: as much as a cause departs from its equation.
     """
     rest = without(hypotheses.groups, model, cause, sweeps=1)
     gains = hypotheses.gains(rest, hypotheses.named)
@@ -86,13 +87,19 @@ def ranked(hypotheses: HypothesisSet, model: Explanation, cause: Hypothesis, unl
     if clock and cause.site == "frame" and not robot.constraints:  # an arm's base moves as the frame does: one cause
         against = {s: gain for s, gain in against.items() if (s.site, frozenset(s.over)) != (robot.sites[0], clock)}
 
+    unknown = unlisted or bool(smooth_terms(model))
+
     def against_smooth(term: SmoothTerm) -> float:
+        if unknown and term.site == cause.site and set(term.over) <= cause.drivers(robot):
+            return -priors.departure * own
+        if unlisted:
+            return 0.0
         return priors.unnamed + (0.0 if hypotheses.modulates(term, (cause,)) else priors.departure * own)
 
     smooth = {
         s: log[mine] + (gain.value - gains[mine].value) / sqrt(heat) - priors.same_clock
         if frozenset(s.over) == clock
-        else (gain.value + (priors.departure * own if unlisted else -against_smooth(s))) / heat
+        else (gain.value - against_smooth(s)) / heat
         for s, gain in against.items()
     }
     top = max([*log.values(), *smooth.values()])  # large numbers would round their sum
