@@ -12,7 +12,7 @@ import numpy as np
 from gtpin.diagnosis.evidence import Posterior, without
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
 from gtpin.diagnosis.priors import CLASS_SHARE
-from gtpin.diagnosis.search import Gain, HypothesisSet, causes, with_lines
+from gtpin.diagnosis.search import Gain, HypothesisSet, causes, smooth_of, with_lines
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,7 @@ def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis,
     where o_h are prior odds relative to the cause, and g_s is the largest gain of a smooth term, less what is against it.
 
     A hypothesis that only a proxy shows is at most as probable as the most probable one that recorded covariates show.
-    ``unlisted``: whether something acts that no effect describes. Then nothing is against the smooth terms that compete, and
-    they gain what an unlisted effect departs from a smooth function: as much as a cause departs from its equation.
+    ``unlisted``: whether something acts that no effect describes. Then nothing is against the smooth terms that compete.
     """
     rest = without(hypotheses.groups, model, cause, sweeps=1)
     gains = _gains(hypotheses, model, rest, cause)
@@ -92,7 +91,9 @@ def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis,
         if clock and {h.site, cause.site} == {"frame", "platform"} and h.clock(robot) == clock:
             ahead = (gains[h].value - gains[mine].value) / sqrt(temperature)
             log_odds[h] = log_odds[mine] + ahead - hypotheses.cost(h) + hypotheses.cost(mine)
-    smooth = _smooth_log_odds(hypotheses, rest, cause, gains[mine].value, log_odds[mine], unlisted)
+    smooth = _smooth_log_odds(
+        hypotheses, rest, cause, gains[mine].value, log_odds[mine], unlisted, unlisted or bool(smooth_of(model))
+    )
 
     top = max([*log_odds.values(), *smooth.values()])  # large numbers would round their sum
     weight = {h: float(np.exp(value - top)) for h, value in log_odds.items()}
@@ -135,8 +136,13 @@ def _smooth_log_odds(
     gained: float,
     log_odds: float,
     unlisted: bool,
+    unknown: bool,
 ) -> dict[SmoothTerm, float]:
     """Log odds of each smooth term that competes with a cause, whose gain is ``gained``, nats, and whose log odds are given.
+
+    ``unknown``: whether smooth terms are in the model, or something ``unlisted`` acts. Then those of the cause's own site and
+    coordinates gain in addition what an unlisted effect departs from a smooth function: as much as a cause departs from its
+    equation.
 
     Several lines can follow any smooth function, so nothing is added for a departure of the cause from its equation. An effect
     of exactly time, or exactly session, has no form of its own: another part can move with it as well. Both have the same
@@ -153,10 +159,12 @@ def _smooth_log_odds(
             found[term] = log_odds + (gain.value - gained) / sqrt(temperature) - priors.same_clock
             continue
         departure = priors.departure * max(gained, 0.0)
-        if unlisted:
-            found[term] = (gain.value + departure) / temperature
-            continue
-        against = priors.unnamed + (0.0 if hypotheses.modulates(term, (cause,)) else departure)
+        if unknown and term.site == cause.site and set(term.over) <= cause.drivers(robot):
+            against = -departure
+        elif unlisted:
+            against = 0.0
+        else:
+            against = priors.unnamed + (0.0 if hypotheses.modulates(term, (cause,)) else departure)
         found[term] = (gain.value - against) / temperature
     return found
 

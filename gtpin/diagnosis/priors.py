@@ -28,7 +28,8 @@ class Priors:
     machines s is between a quarter and four."""
     least_core: float = 0.5
     """Smallest root mean square of the core's coefficients, in units of sigma, over the scale s. Below it, the scale s is not
-    admitted, because it serves the modulation alone. Assumed."""
+    admitted, because it serves the modulation alone. Its square is also the smallest share of a core in the energy of the
+    whole effect, where the data determine the core. Assumed."""
 
     # Prior odds against terms, natural logarithms in nats, and penalties by the data's own evidence.
     unnamed: float = 5.0

@@ -196,7 +196,7 @@ def decide(hypotheses: HypothesisSet, guess: Posterior[Term] = NOTHING) -> Concl
         named = hypotheses.only(better, (*_apart(hypotheses, better), *needed))
     named = without_redundant(hypotheses, named)
     # The smooth terms stay in the model while classes are compared: else an alternative would gain by what they explain.
-    classes = {cause: class_of(hypotheses, named, cause, unlisted=bool(needed)) for cause in causes(named)}
+    classes = {cause: class_of(hypotheses, named, cause) for cause in causes(named)}
     instead: list[tuple[str, str]] = []
     for cause in [cause for cause, members in classes.items() if cause.further and members[0].probability >= SURE]:
         if (replaced := _without_lines(hypotheses, named, cause)) is not None:
