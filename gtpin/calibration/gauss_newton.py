@@ -155,7 +155,8 @@ def fit(
         if progress is not None:
             progress(iteration, float(np.sqrt((weight[:, None] * residual**2).mean())))
         costs.append(cost)
-        if iteration >= enough or (iteration == MAX_ITERATIONS - 1 and costs[-CREEPING] <= (1.0 + FLAT) * cost):
+        creeps = len(costs) >= CREEPING and costs[-CREEPING] <= (1.0 + FLAT) * cost
+        if iteration >= enough or (iteration == MAX_ITERATIONS - 1 and creeps):
             return Fit(problem, point, residual, weight, information, iteration)
         A, negligible = information + np.diag(problem.prior), max(ROUNDING * max(cost, 1.0), left_out)
         while True:

@@ -18,7 +18,6 @@ from gtpin.kinematics.inverse import out_of_reach, solved
 from gtpin.kinematics.kinematics import nominal
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import ClosedPosture, home
-from gtpin.read_only import read_only
 from gtpin.real import real
 from gtpin.robot import library
 from gtpin.robot.chain import Chain
@@ -97,10 +96,9 @@ class Robot(Chain):
         if commands.ndim == 1:
             return self._home.of(frame).moved_to(commands)
         if frame is None:
-            return read_only(self._poses(commands))
+            return self._poses(commands)
         moving = self._moving(commands)
-        found = Poses(*moving.poses(frame_of(self, frame)), configuration=moving.X if self.constraints else None)
-        return read_only(found)
+        return Poses(*moving.poses(frame_of(self, frame)), configuration=moving.X if self.constraints else None)
 
     def jacobian(self, q: npt.ArrayLike, frame: str | None = None) -> Floats:
         """The derivative of the pose of the TCP, or of another frame, by the commands.

@@ -19,7 +19,6 @@ from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
 from gtpin.paper.kinematics import kinematics_of
-from gtpin.read_only import gives_read_only
 from gtpin.real import real
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
@@ -146,7 +145,6 @@ class Model:
         """The kinematics of the model's geometry, without effects, in the base frame."""
         return kinematics_of(self.geometry)
 
-    @gives_read_only
     def predict(self, q: npt.ArrayLike, covariates: Mapping[str, Column] | None = None) -> Poses:
         """Poses (N) that the instrument would read without noise at commands q (N, n), in the instrument's frame.
 

@@ -165,5 +165,6 @@ def test_a_fit_that_is_worse_than_the_nominal_robot_is_told_on_the_first_line():
     position, orientation = found.by_instrument
     grown = replace(orientation, before=orientation.after, after=2.0 * orientation.after)
     worse = replace(found, by_instrument=(position, grown))
-    first = worse.summary().splitlines()[0]
-    assert re.match(r"The fit makes the orientation error from \d+ to \d+ urad: don't use this model\.", first)
+    text = worse.summary()
+    assert text.splitlines()[0].endswith(": worse than nominal")
+    assert re.search(r"The fit makes the orientation error from \d+ to \d+ urad: don't use this model\.", text)

@@ -20,7 +20,7 @@ CONTRACT = {
     "axis_motion joint_clearance": ARM.sites,
     "link_compliance thermal_links": ("arm", *ARM.link_sites),
     "tracker_drift frame_shift tracker_scale": ("frame",),
-    "target_offset": ("platform",),
+    "target_offset target_drift target_shift": ("platform",),
 }
 TURNING = [site for site, slides in zip(ARM.sites, ARM.slides, strict=True) if not slides]
 

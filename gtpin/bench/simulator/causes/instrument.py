@@ -34,6 +34,30 @@ def tracker_drift(site: Site, rng: np.random.Generator) -> Cause:
     return cause
 
 
+def target_drift(site: Site, rng: np.random.Generator) -> Cause:
+    """A tool that warms up grows by 60 um along its axis, with a time constant of 0.1 to 0.5 of the day, and bends a little."""
+    warming, bend = rng.uniform(0.1, 0.5), 0.15 * rng.standard_normal(2)
+    growth, part = rng.choice([-1.0, 1.0]) * rng.uniform(0.6, 1.4), rng.uniform(0.02, 0.08)
+    breath = curve(rng, 0.0, 1.0, 0.2, "twice")
+
+    def cause(now: Postures) -> Deviation:
+        t = now.visits.phase
+        along = growth * (1.0 - np.exp(-t / warming)) + part * breath(t)
+        return now.off(target=(..., 6e-5 * np.column_stack([bend[0] * along, bend[1] * along, along])))
+
+    return cause
+
+
+def target_shift(site: Site, rng: np.random.Generator) -> Cause:
+    """A target that is put back on its nest in each session, 40 um elsewhere along each axis; it creeps a little."""
+    shifts, creep = 4e-5 * rng.standard_normal((20, 3)), curve(rng, 0.0, 1.0, 0.3, "twice")
+
+    def cause(now: Postures) -> Deviation:
+        return now.off(target=(..., shifts[now.visits.session] * (1.0 + 0.05 * creep(now.visits.phase))[:, None]))
+
+    return cause
+
+
 def frame_shift(site: Site, rng: np.random.Generator) -> Cause:
     """30 um and 6 urad between sessions, with a small drift over the day."""
     shifts = 1.2 * SIZES * rng.standard_normal((20, 6))
