@@ -40,6 +40,8 @@ AIM = 0.7
 SMALLEST_STRIDE = 1.0 / 4096.0
 """Smallest step as a fraction of the path; where a smaller one is needed, the target is given up. A line of 1 rad
 that passes a limit of a five-bar of 1 m at a distance of 1 um needs no smaller ones."""
+SHORTEST_FIRST = 0.1
+"""First step, as a fraction of a path, below which it is not followed again with a shorter one."""
 SINGULAR = 1e3
 """Ratio of a posture's amplification to that of home, above which it counts as near a singularity. Assumed."""
 
@@ -268,18 +270,19 @@ class LoopClosure:
         found = np.sqrt(np.einsum("nij,nij->n", inverse, inverse))
         return np.where(np.isfinite(found), found, np.inf)
 
-    def follow(self, start: Here, path: Path, largest: float) -> tuple[Here, Mask, Floats]:
+    def follow(self, start: Here, path: Path, largest: float, first: float = 1.0) -> tuple[Here, Mask, Floats]:
         """Closed postures at the end of a path, in the assembly mode of its beginning.
 
         Each posture follows the path by tangents, each of which also corrects what the one before it left open; Newton's method
         closes the loops at the end. A step is so short that its correction is small in comparison with it, and that D changes
         little in comparison with its distance from a singularity. ``start``: (N) closed postures at the beginning.
-        ``largest``: amplification from which on a posture is too near a singularity.
+        ``largest``: amplification from which on a posture is too near a singularity. ``first``: length of the first step, as a
+        fraction of the path; where Newton's method ends far from the tangents, the path is followed again with an eighth of it.
 
         Returns the last postures on the way, (N,) whether they are those of the end, and (N,) their fractions of the path.
         """
         n = len(start)
-        done, stride, error = np.zeros(n), np.ones(n), np.zeros(n)
+        done, stride, error = np.zeros(n), np.full(n, first), np.zeros(n)
         now, rows = start.copy(), np.arange(n)
         known = self.equations(now)
         inverse = self.inverse(known.D)
@@ -321,6 +324,11 @@ class LoopClosure:
         reached = np.zeros(n, dtype=bool)
         reached[rows] = closing.closed & (change <= CHANGE) & (self.amplification(self.inverse(closing.D)) <= largest)
         now.put(rows, closing.here)
+        again = rows[~reached[rows]]
+        if again.size and first > SHORTEST_FIRST:
+            ends, there, _ = self.follow(start.take(again), lambda s, some: path(s, again[some]), largest, first / 8.0)
+            now.put(again, ends)
+            reached[again] = there
         return now, reached, done
 
 
