@@ -326,9 +326,11 @@ class LoopClosure:
         now.put(rows, closing.here)
         again = rows[~reached[rows]]
         if again.size and first > SHORTEST_FIRST:
-            ends, there, _ = self.follow(start.take(again), lambda s, some: path(s, again[some]), largest, first / 8.0)
+            ends, arrived, _ = self.follow(
+                start.take(again), lambda s, some: path(s, again[some]), largest, first / 8.0
+            )
             now.put(again, ends)
-            reached[again] = there
+            reached[again] = arrived
         return now, reached, done
 
 

@@ -83,7 +83,7 @@ def settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
                 warn(f"{coarse}; give commands with more digits")
         if not settled.used.all():
             _check_set_aside(kept, measured, settled)
-            warn(f"set aside as gross errors: poses {', '.join(kept.names_of(~settled.used))}")
+            warn(f"set aside as gross errors: {kept.words_of(~settled.used)}")
         _check_fit(kept, settled, seen)
         found = _unstrained(*with_credible_noise(fit, settled)) if doubt else settled
         if doubt and coarse is None:

@@ -36,8 +36,6 @@ MOST = 0.5
 """Largest share of gross errors among an instrument's rows; above it, it is not clear which rows are the errors. Assumed."""
 SEVERAL = 3
 """Fewest readings of one id for a message that most of them were set aside. Assumed."""
-SHOWN = 10
-"""Largest number of poses that a warning names."""
 CHANCE = 1e-6
 """Probability, by the tolerances, of a geometry that is at least as far from nominal as a whole, below which something is
 declared wrongly. Assumed."""
@@ -62,7 +60,7 @@ def usable_readings(given: Dataset, nominal: Model) -> tuple[Dataset, Mask, Data
         (poses.reached, reached, "check q1 .. qn"),
     ):
         if (usable & ~good).any():
-            warn(f"set aside, {why}: {_poses_of(whole, usable & ~good)}")
+            warn(f"set aside, {why}: {whole.words_of(usable & ~good)}")
         usable &= good
         if not usable.any():
             raise DatasetError(what, file=whole.file, hint=hint)
@@ -130,14 +128,7 @@ def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
         for text in _off_together(readings, used, i):
             warn_of(readings.rows.files[i], text)
     if not used.all():
-        warn(f"set aside as gross errors: {_poses_of(kept, ~used)}")
-
-
-def _poses_of(dataset: Dataset, rows: Mask) -> str:
-    """Text for a message with the names of the first poses."""
-    names = dataset.names_of(rows)
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return f"poses {', '.join(names[:SHOWN])}{more}"
+        warn(f"set aside as gross errors: {kept.words_of(~used)}")
 
 
 def _off_together(readings: Readings, used: Mask, index: int) -> Iterator[str]:
