@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 
-SHOWN = 12
+SHOWN = 10
 """Number of poses that a message names."""
 
 
@@ -174,11 +174,11 @@ class Dataset(Shown):
         return self.readings.place(index)
 
     def words_of(self, rows: NDArray[np.bool_]) -> str:
-        """Some rows (N,) in words for a message: their poses, and how many rows they are where poses have several."""
+        """Some rows (N,) in words for a message: their poses, and how many rows of a table of poses they are where poses have several."""
         names = self.names_of(rows)
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
         text = f"poses {', '.join(names[:SHOWN])}{more}"
-        several = len(set(self.pose)) < len(self)
+        several = self.readings.tracked and len(set(self.pose)) < len(self)
         return f"{np.count_nonzero(rows):,} of {len(self):,} rows, of {text}" if several else text
 
     @property

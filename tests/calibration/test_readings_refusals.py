@@ -279,7 +279,7 @@ def test_other_mistakes_are_refused_with_what_to_check(tmp_path, name):
 def test_two_rows_at_the_wrong_socket_are_set_aside(tmp_path):
     sockets = list(CUP.columns["socket"])
     sockets[6], sockets[13] = sockets[13], sockets[6]
-    with pytest.warns(GtpinWarning, match="set aside as gross errors: (2 of .* rows, of )?poses (s6, s13|s13, s6)"):
+    with pytest.warns(GtpinWarning, match="set aside as gross errors: poses (s6, s13|s13, s6)"):
         found = gtpin.calibrate(read(tmp_path / "set", CUP.reading(socket=sockets)))
     assert_calibrated(found)
 
