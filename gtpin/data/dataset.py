@@ -174,7 +174,7 @@ class Dataset(Shown):
         return self.readings.place(index)
 
     def words_of(self, rows: NDArray[np.bool_]) -> str:
-        """Some rows (N,) in words for a message: their poses, and how many rows of a table of poses they are where poses have several."""
+        """The poses of some rows (N,) in words; of a table of poses with several rows each, also the number of rows."""
         names = self.names_of(rows)
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
         text = f"poses {', '.join(names[:SHOWN])}{more}"
