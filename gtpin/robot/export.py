@@ -24,7 +24,8 @@ def to_urdf(geometry: Geometry, placements: Floats | None, anchors: Floats, home
     URDF can't hold drive scales. The TCP's displacement is written into the fixed joint of its link. Where its link has no
     fixed joint, the TCP gets a new link, which ``<platform>`` names.
 
-    ``geometry``: what to write. ``placements``, ``anchors``: its places, as :class:`~gtpin.kinematics.placed.Placed` has them.
+    ``geometry``: what to write. ``placements``, ``anchors``: its places, as :class:`~gtpin.kinematics.placed.PlacedParts` has
+    them.
     ``home``: the TCP's position (3,), m, and rotation (3, 3) at the home commands, base frame.
     """
     robot = geometry.robot
