@@ -269,6 +269,7 @@ def _which(robot: ConstrainedModel, found: list[Floats]) -> str:
         choose = "give a <key> of <keyframe> near one of them to choose its assembly"
     if robot.description.posture:
         where, start = f"the loops of {robot.name} are open at its home", "it"
+        choose = choose.replace("into <gtpin>", "into <gtpin>, in the place of its <home>,")
     return f"{where}: the closed posture nearest to {start} is taken, {homes[0]}{others}; {choose}"
 
 

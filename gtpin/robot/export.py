@@ -100,6 +100,8 @@ def _name_what_was_found(robot: Chain, root: Element) -> None:
         bodies = (frame for frame in robot.model.frames if frame.type == pin.FrameType.BODY)
         link = next(frame for frame in bodies if frame.parentJoint == robot.tcp_joint)
         at = home_attributes(robot, robot.assembly.configuration, robot.tcp_joint, link.placement, digits=9)
+        for before in own.findall("home"):  # by coordinates of joints, at which the loops are open
+            own.remove(before)
         own.append(Element("home", at, link=str(link.name)))
     for name, normals in planes.items():
         if name not in description.planes:

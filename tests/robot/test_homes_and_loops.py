@@ -305,17 +305,31 @@ def test_a_robot_with_a_given_home_warns_once(tmp_path: Path) -> None:
     assert len([text for text in texts if "names no TCP" in text]) == 1
 
 
-def test_an_exported_urdf_keeps_the_commands_of_the_home_that_was_chosen(tmp_path: Path) -> None:
-    parts = (
+def slider_crank(home: str = "") -> str:
+    return urdf(
+        "crank",
         joint("a", "base", "crank", limit=(0.1, 2.36913578)),
         joint("b", "crank", "rod", "0.5 0 0", limit=3.0),
         joint("s", "base", "slide", "0 0 0", "1 0 0", kind="prismatic", limit=3.0),
         loop("rod", "1 0 0", "slide", "0 0 0"),
-        own(["a"], "slide"),
+        own(["a"], "slide", home),
     )
-    with pytest.warns(GtpinWarning, match="nearest to zero"):
-        robot = loaded_text(urdf("crank", *parts))
+
+
+@pytest.mark.parametrize("home", ["", '<home><joint name="a" value="1.2"/><joint name="s" value="-0.1"/></home>'])
+def test_an_exported_urdf_keeps_the_home_that_was_chosen(home: str, tmp_path: Path) -> None:
+    with pytest.warns(GtpinWarning, match="closed posture nearest to"):
+        robot = loaded_text(slider_crank(home))
     geometry = gtpin.Geometry.nominal(robot)
-    moved = geometry.with_values(geometry.values + 1e-4)
-    again = gtpin.load_robot(written(tmp_path, gtpin.Model(moved).kinematics.urdf(), "out.urdf"))
+    text = gtpin.Model(geometry.with_values(geometry.values + 1e-4)).kinematics.urdf()
+    assert text.count("<home") == 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", GtpinWarning)
+        again = gtpin.load_robot(written(tmp_path, text, "out.urdf"))
     np.testing.assert_allclose(again.home_q, robot.home_q, rtol=0, atol=1e-9)
+    assert again.home_coordinates["s"] == pytest.approx(robot.home_coordinates["s"], abs=1e-2)
+
+
+def test_two_homes_are_refused() -> None:
+    with pytest.raises(RobotError, match="two <home> elements; keep one"):
+        RobotDescription.parse(slider_crank('<home q="1" tcp_xyz="1 0 0" tcp_rotvec="0 0 0"/>' * 2))
