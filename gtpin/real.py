@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from numbers import Real
-
 import numpy as np
 import numpy.typing as npt
 
@@ -42,8 +40,8 @@ def generator(seed: int) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def probability(value: float, what: str) -> float:
+def probability(value: object, what: str) -> float:
     """A probability; `ModelError` where it is not above 0 and below 1."""
-    if not isinstance(value, Real) or not 0.0 < value < 1.0:
+    if not isinstance(value, (int, float, np.floating)) or not 0.0 < value < 1.0:
         raise ModelError(f"{what}={value!r}", hint="give a probability above 0 and below 1")
-    return value
+    return float(value)

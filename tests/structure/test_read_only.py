@@ -34,4 +34,4 @@ def test_arrays_are_read_only_in_dataclasses_tuples_and_mappings_beside_classes(
 @pytest.mark.parametrize("value", [0.0, 1.0, float("nan"), "0.1", None])
 def test_what_is_no_probability_is_refused(value: object) -> None:
     with pytest.raises(ModelError, match=r"false_alarm=.*; give a probability above 0 and below 1"):
-        probability(value, "false_alarm")  # type: ignore[arg-type]
+        probability(value, "false_alarm")
