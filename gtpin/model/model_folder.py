@@ -131,6 +131,7 @@ def _content(model: Model) -> ModelFile:
         ],
         parameters={name: float(value) for name, value in zip(geometry.names, geometry.values, strict=True)},
         tolerance={p.name: p.tolerance for p in geometry.parameters},
+        target=None if geometry.target is None else [p.nominal for p in geometry.parameters if p.kind == "platform"],
         covariance=_listed(model.covariance),
         joint_covariance=_listed(model.joint_covariance),
         fit=None if model.fit is None else FitRecord(**asdict(model.fit)),
@@ -270,6 +271,9 @@ def _geometry(robot: Chain, content: ModelFile) -> Geometry:
     values = np.array([content.parameters[p.name] for p in kept])
     tolerances = (content.tolerance.get(p.name, p.tolerance) for p in kept)
     parameters = tuple(replace(p, tolerance=tolerance) for p, tolerance in zip(kept, tolerances, strict=True))
+    if content.target is not None:
+        guess = content.target
+        parameters = tuple(replace(p, nominal=guess[p.component]) if p.kind == "platform" else p for p in parameters)
     geometry = replace(full, parameters=parameters, values=values)
     _check_values(geometry)
     return geometry
