@@ -48,8 +48,9 @@ def compensate(
     ``model``: geometry and effects; see :func:`machine_of` for the effects that are ignored. ``wanted``: (N, 3) positions
     of the TCP, base frame, m. ``covariates``: by name, (N,) each: conditions at the wanted poses (payload, temperatures,
     approaches, ...). ``rotations``: (N, 3, 3) rotations of the TCP, base frame; only for robots with six actuators or more.
-    By default, the orientation is free. ``start``: (N, n) commands to start from, by default home. With one
-    or two actuators the position is met as far as they move the TCP. A robot without rods often has several postures for a pose; the iteration usually finds the one nearest to the start.
+    By default, the orientation is free. ``start``: (N, n) commands to start from, m or rad, by default home. With one or two
+    actuators the position is met as far as they move the TCP. A robot without rods often has several postures for a pose; the
+    iteration usually finds the one nearest to the start.
 
     Returns (N, n), m or rad. Raises `ModelError` if ``wanted`` or ``rotations`` have another shape, the robot has too few
     actuators for an orientation, or a covariate is missing. `UnreachableError` if the TCP can't be brought to a position.
@@ -98,5 +99,5 @@ def _all_there(values: Floats, model: Model) -> None:
     if lost.size:
         raise UnreachableError(
             f"{model.robot.name} can't bring its TCP to position {lost[0] + 1}",
-            hint="stay inside the workspace, or give other commands to start from",
+            hint="stay inside the workspace and away from singular postures, or give other commands to start from",
         )

@@ -174,7 +174,7 @@ def assumed_tool(model: Model) -> tuple[str, ...]:
     assumed = f"{1e3 * tool['platform.x']:.2g} mm and {1e3 * tool['platform.rx']:.2g} mrad"
     return (
         f"has the tool, {model.robot.tcp_frame}, where the robot's own file has it (assumed: to {assumed}): a free target "
-        f"does not show it. The target sat at {x:.3f}, {y:.3f}, {z:.3f} mm in the frame of the tool",
+        f"does not show it; the target sat at {x:.3f}, {y:.3f}, {z:.3f} mm in the frame of the tool",
     )
 
 

@@ -190,6 +190,7 @@ def out_of_reach(robot: str, T: Floats, turned: bool, row: int | None = None) ->
 
 
 def check_wanted(T: Floats, R: Floats | None) -> None:
+    """Raise `ModelError` unless T is (N, 3) and R, where given, (N, 3, 3)."""
     if T.ndim != 2 or T.shape[1] != 3:
         raise ModelError(f"wanted positions of shape {T.shape}", hint="give three coordinates each")
     if R is not None and R.shape != (len(T), 3, 3):
