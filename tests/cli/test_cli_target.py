@@ -6,7 +6,9 @@ The machines are Pinocchio's own models, and five-bars in closed form, with geom
 from __future__ import annotations
 
 import csv
+import json
 import re
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -140,10 +142,18 @@ def test_corrected_commands_bring_the_tool_and_not_the_target_to_where_the_progr
     assert "has the tool, tool0, where the robot's own file has it" in said
 
 
-def test_a_model_that_is_read_again_knows_the_target_and_an_exported_urdf_the_tool(machine: Machine) -> None:
+def test_a_model_that_is_read_again_knows_the_target_and_an_exported_urdf_the_tool(
+    machine: Machine, tmp_path: Path
+) -> None:
     model = gtpin.read_model(machine.folder / "calibrated")
     assert model.geometry.target is not None
     assert np.linalg.norm(pin.exp6(model.geometry.target).translation - TARGET) < 3.0 * TOLERANCE
+    content = json.loads((machine.folder / "calibrated" / "model" / "model.json").read_text(encoding="utf-8"))
+    del content["target"]  # as in models of older versions
+    older = tmp_path / "older"
+    shutil.copytree(machine.folder / "calibrated" / "model", older)
+    (older / "model.json").write_text(json.dumps(content), encoding="utf-8")
+    assert np.allclose(gtpin.read_model(older).geometry.target, model.geometry.target, atol=0.0)
     again = gtpin.load_robot(machine.folder / "calibrated" / "model" / "robot.urdf")
     assert again.tcp_frame == "tool0"
     assert "target" in again.links
