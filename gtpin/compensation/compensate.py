@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gtpin.effects.operating_points import Column
 from gtpin.errors import ConvergenceError, ModelError, UnreachableError, warn
-from gtpin.kinematics.inverse import commands_for, errors_of
+from gtpin.kinematics.inverse import check_wanted, commands_for, errors_of
 from gtpin.model.model import Frame, Model
 from gtpin.real import real
 from gtpin.typing import Floats
@@ -24,14 +24,15 @@ NOT_THE_MACHINE = ("frame", "platform")
 
 
 def machine_of(model: Model) -> Model:
-    """A model without its instrument: poses in the base frame, without effects of the measurement frame and of the target.
+    """A model without its instrument: poses of the robot's own TCP (:meth:`~gtpin.model.model.Model.of_tool`) in the base
+    frame, without effects of the measurement frame and of the target.
 
     A warning lists the omitted effects.
     """
     left = [effect.name for effect in model.effects if effect.site in NOT_THE_MACHINE]
     if left:
         warn(f"not the machine's, so not corrected: {', '.join(left)}")
-    return replace(model.without(left), frame=Frame())
+    return replace(model.of_tool().without(left), frame=Frame())
 
 
 def compensate(
@@ -47,8 +48,9 @@ def compensate(
     ``model``: geometry and effects; see :func:`machine_of` for the effects that are ignored. ``wanted``: (N, 3) positions
     of the TCP, base frame, m. ``covariates``: by name, (N,) each: conditions at the wanted poses (payload, temperatures,
     approaches, ...). ``rotations``: (N, 3, 3) rotations of the TCP, base frame; only for robots with six actuators or more.
-    By default, the orientation is free. ``start``: (N, n) commands to start from, by default home. A robot without rods
-    often has several postures for a pose; the iteration usually finds the one nearest to the start.
+    By default, the orientation is free. ``start``: (N, n) commands to start from, m or rad, by default home. With one or two
+    actuators the position is met as far as they move the TCP. A robot without rods often has several postures for a pose; the
+    iteration usually finds the one nearest to the start.
 
     Returns (N, n), m or rad. Raises `ModelError` if ``wanted`` or ``rotations`` have another shape, the robot has too few
     actuators for an orientation, or a covariate is missing. `UnreachableError` if the TCP can't be brought to a position.
@@ -61,20 +63,27 @@ def compensate(
             f"{model.robot.name} has {model.robot.n_actuators} actuators",
             hint="leave the orientation free: give no rotations",
         )
+    check_wanted(T, R)
     machine = machine_of(model)
     kinematics = machine.kinematics
-    q, poses = commands_for(kinematics, T, R, None if start is None else real(start, "starts"))
-    _all_there(q, machine)
+    q = np.tile(model.robot.home_q, (len(T), 1)) if start is None else real(start, "starts").copy()
+    # With one or two actuators a position is met in the directions in which they move the TCP: the others are left open.
+    few = model.robot.n_actuators < 3
+    q, poses = (q, kinematics.forward(q)) if few else commands_for(kinematics, T, R, q)
+    _all_there(poses.T, machine)
     for _ in range(STEPS):
         there = machine.predict(q, covariates)
         _all_there(there.T, machine)
         error = errors_of(there, T, R)
-        if np.abs(error).max(initial=0.0) <= TOLERANCE:
-            return q
         # The Jacobian is that of the geometry. The derivatives of the effects, at most some thousandths of it, are left out:
         # each step still reduces the error by a factor of some hundreds.
         jacobian = kinematics.command_jacobian(q, poses)[:, : error.shape[1]]
-        q = q + np.einsum("nij,nj->ni", np.linalg.pinv(jacobian), error)
+        inverse = np.linalg.pinv(jacobian)
+        if few:
+            error = np.einsum("nij,njk,nk->ni", jacobian, inverse, error)
+        if np.abs(error).max(initial=0.0) <= TOLERANCE:
+            return q
+        q = q + np.einsum("nij,nj->ni", inverse, error)
         poses = kinematics.forward(q)
         _all_there(poses.T, machine)
     left = np.abs(error).max(axis=1)
@@ -90,5 +99,5 @@ def _all_there(values: Floats, model: Model) -> None:
     if lost.size:
         raise UnreachableError(
             f"{model.robot.name} can't bring its TCP to position {lost[0] + 1}",
-            hint="stay inside the workspace, or give other commands to start from",
+            hint="stay inside the workspace and away from singular postures, or give other commands to start from",
         )

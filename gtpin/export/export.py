@@ -8,7 +8,7 @@ from pathlib import Path
 from gtpin.compensation.correctable import drive_scales
 from gtpin.compensation.machine import check_session
 from gtpin.errors import GtpinError, check_kind, warn
-from gtpin.export.loss import left_out, with_losses
+from gtpin.export.loss import assumed_tool, left_out, with_losses
 from gtpin.export.urdf import side_file, with_anchors, with_transmissions
 from gtpin.export.writer import Export, TablesFor, Writer
 from gtpin.extensions import extension_names, extensions
@@ -80,7 +80,7 @@ def export(
         warn(f"{file.name} does not hold {lost}{more}")
     if made.inexact:
         warn(f"{file.name} holds {', '.join(made.inexact)}")
-    for note in made.notes:
+    for note in (*made.notes, *(() if writer.tables else assumed_tool(model))):
         warn(f"{file.name} {note}")
     return tuple(file.parent / name for name in made.files)
 

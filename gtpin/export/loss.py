@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 
 from gtpin.compensation.correctable import geometric_scales
 from gtpin.compensation.machine import needed_by
@@ -161,6 +162,20 @@ def _conditions(model: Model, active: ActiveEffect) -> str | None:
         elif name not in ("session", "time", "payload", *FORCES) and not is_approach(name):
             return None
     return words
+
+
+def assumed_tool(model: Model) -> tuple[str, ...]:
+    """What is assumed of the tool, as a text, where the place of the measured target was unknown; else none."""
+    target = model.geometry.target
+    if target is None:
+        return ()
+    tool = {p.name: p.tolerance for p in model.geometry.at_tool().parameters}
+    x, y, z = 1e3 * pin.exp6(target).translation
+    assumed = f"{1e3 * tool['platform.x']:.2g} mm and {1e3 * tool['platform.rx']:.2g} mrad"
+    return (
+        f"has the tool, {model.robot.tcp_frame}, where the robot's own file has it (assumed: to {assumed}): a free target "
+        f"does not show it; the target sat at {x:.3f}, {y:.3f}, {z:.3f} mm in the frame of the tool",
+    )
 
 
 def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:

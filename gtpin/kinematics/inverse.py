@@ -102,7 +102,7 @@ def commands_for(
     >>> q.shape, bool(poses.reached.all())
     ((1, 3), True)
     """
-    _check(T, R)
+    check_wanted(T, R)
     home_q = kinematics.geometry.robot.home_q
     return _newton(kinematics, T, R, np.tile(home_q, (len(T), 1)) if start is None else start.copy())
 
@@ -189,7 +189,8 @@ def out_of_reach(robot: str, T: Floats, turned: bool, row: int | None = None) ->
     return UnreachableError(what, hint=f"{hint}, or start nearer (start)" if row is not None else hint)
 
 
-def _check(T: Floats, R: Floats | None) -> None:
+def check_wanted(T: Floats, R: Floats | None) -> None:
+    """Raise `ModelError` unless T is (N, 3) and R, where given, (N, 3, 3)."""
     if T.ndim != 2 or T.shape[1] != 3:
         raise ModelError(f"wanted positions of shape {T.shape}", hint="give three coordinates each")
     if R is not None and R.shape != (len(T), 3, 3):

@@ -48,9 +48,11 @@ class DhParameter:
 def controller_table(model: Model) -> tuple[DhParameter, ...]:
     """The table of a serial arm, by the standard convention, with the corrections that agree best with a calibration.
 
-    Empty where the robot is not a serial arm, or the geometry lacks the six parameters of a joint or of the TCP.
+    Empty where the robot is not a serial arm, or the geometry lacks the six parameters of a joint or of the TCP. Without the
+    tool where the place of the measured target was unknown: the data then say nothing of the tool.
     """
-    return tuple(p for p in table_with_base(model) if p.site != "base")
+    left = ("base",) if model.geometry.target is None else ("base", "tool")
+    return tuple(p for p in table_with_base(model) if p.site not in left)
 
 
 def table_with_base(model: Model) -> tuple[DhParameter, ...]:

@@ -229,6 +229,28 @@ class Model:
             for x in draws(mean, covariance, n, rng)
         )
 
+    def of_tool(self) -> Model:
+        """The model whose poses are those of the robot's own TCP, in the place of a free target; the same where there is none.
+
+        The TCP is where the robot's file has it, within the robot's tolerances, independent of the other parameters:
+        :meth:`~gtpin.robot.geometry.Geometry.at_tool`.
+        """
+        if self.geometry.target is None:
+            return self
+        geometry = self.geometry.at_tool()
+        tool = np.array([p.kind == "platform" for p in geometry.parameters])
+
+        def independent(covariance: Floats | None) -> Floats | None:
+            if covariance is None:
+                return None
+            found, own = covariance.copy(), np.flatnonzero(tool)
+            found[own], found[:, own] = 0.0, 0.0
+            found[own, own] = geometry.tolerance[tool] ** 2
+            return found
+
+        joint = independent(self.joint_covariance)
+        return replace(self, geometry=geometry, covariance=independent(self.covariance), joint_covariance=joint)
+
     seen = renamed("seen", "in_instrument_frame")
 
     def in_instrument_frame(self, poses: Poses) -> Poses:

@@ -46,6 +46,8 @@ FILES = ("model.json", "robot.urdf", "nominal.urdf")
 RESULTS = (".json", ".html", ".txt")
 """Suffixes of files that stand beside a model in a result's folder."""
 FOLDER = "give a folder that calibrate, diagnose or certify wrote"
+UNKNOWN = 0.05
+"""Tolerance of ``platform.x``, m, from which it is the place of a free target. Older versions did not write ``target``."""
 NOT_TURNED = 1e-9
 """Largest accepted error of a rotation matrix's orthogonality, and of a correlation above 1."""
 FARTHEST = 10.0
@@ -131,6 +133,7 @@ def _content(model: Model) -> ModelFile:
         ],
         parameters={name: float(value) for name, value in zip(geometry.names, geometry.values, strict=True)},
         tolerance={p.name: p.tolerance for p in geometry.parameters},
+        target=None if geometry.target is None else [p.nominal for p in geometry.parameters if p.kind == "platform"],
         covariance=_listed(model.covariance),
         joint_covariance=_listed(model.joint_covariance),
         fit=None if model.fit is None else FitRecord(**asdict(model.fit)),
@@ -270,6 +273,11 @@ def _geometry(robot: Chain, content: ModelFile) -> Geometry:
     values = np.array([content.parameters[p.name] for p in kept])
     tolerances = (content.tolerance.get(p.name, p.tolerance) for p in kept)
     parameters = tuple(replace(p, tolerance=tolerance) for p, tolerance in zip(kept, tolerances, strict=True))
+    guess = content.target
+    if guess is None and content.tolerance.get("platform.x", 0.0) >= UNKNOWN:
+        guess = list(Geometry(robot, parameters, values).platform)
+    if guess is not None:
+        parameters = tuple(replace(p, nominal=guess[p.component]) if p.kind == "platform" else p for p in parameters)
     geometry = replace(full, parameters=parameters, values=values)
     _check_values(geometry)
     return geometry

@@ -22,7 +22,8 @@ def to_urdf(geometry: Geometry, placements: Floats | None, anchors: Floats, home
 
     Every link keeps its name, shape and inertia. Where the URDF's zero configuration was the home posture, it is so again. A
     URDF can't hold drive scales. The TCP's displacement is written into the fixed joint of its link. Where its link has no
-    fixed joint, the TCP gets a new link, which ``<platform>`` names.
+    fixed joint, the TCP gets a new link, which ``<platform>`` names. Where the place of the measured target was unknown, the
+    target is a link of its own, ``target``, and the TCP stays on its link.
 
     ``geometry``: what to write. ``placements``, ``anchors``: its places, as :class:`~gtpin.kinematics.placed.PlacedParts` has
     them.
@@ -50,11 +51,28 @@ def to_urdf(geometry: Geometry, placements: Floats | None, anchors: Floats, home
     if placements is not None and robot.constraints:
         _rehome(robot, root, joints, home, geometry.platform)
     _name_what_was_found(robot, root)
-    platform = geometry.platform
-    if platform.any():
-        _move_tcp(robot, root, pin.exp6(platform))
+    if geometry.target is not None:
+        _add_target(robot, root, pin.exp6(geometry.target))
+    elif geometry.platform.any():
+        _move_tcp(robot, root, pin.exp6(geometry.platform))
     indent(root)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, encoding="unicode") + "\n"
+
+
+def _add_target(robot: Chain, root: Element, place: pin.SE3) -> None:
+    """Add the link ``target`` where the measured target sits, and name the TCP: a reader could take the target for it."""
+    name = "target"
+    while name in robot.links:
+        name = f"measured_{name}"
+    SubElement(root, "link", {"name": name})
+    joint = SubElement(root, "joint", {"name": f"{name}_mount", "type": "fixed"})
+    SubElement(joint, "parent", {"link": robot.tcp_frame})
+    SubElement(joint, "child", {"link": name})
+    _set_origin(joint, place)
+    own = root.find("gtpin")
+    own = SubElement(root, "gtpin") if own is None else own
+    if own.find("platform") is None:
+        SubElement(own, "platform", {"link": robot.tcp_frame})
 
 
 def _move_tcp(robot: Chain, root: Element, moved: pin.SE3) -> None:

@@ -132,15 +132,29 @@ class Geometry:
 
     @property
     def platform(self) -> Floats:
-        """(6,) twist, m and rad, by which the TCP is displaced on the body that carries it.
-
-        These parameters exist where the place of the target is unknown (``target = "free"``); without them it is zero.
-        """
+        """(6,) twist, m and rad, by which what is measured, the TCP or the :attr:`target`, is displaced from the TCP of the
+        robot's file; zero where these are no parameters."""
         twist = np.zeros(6)
         for parameter, value in zip(self.parameters, self.values, strict=True):
             if parameter.kind == "platform":
                 twist[parameter.component] = value
         return twist
+
+    @property
+    def target(self) -> Floats | None:
+        """(6,) twist, m and rad, from the TCP of the robot's file to the measured target, where the place of the target was
+        unknown (``target = "free"``). None where the TCP itself is measured: :attr:`platform` then corrects the TCP."""
+        return self.platform if any(p.kind == "platform" and p.nominal for p in self.parameters) else None
+
+    def at_tool(self) -> Self:
+        """The geometry with the TCP where the robot's file has it, within the robot's tolerances, in the place of a free
+        target; the same where there is none. Data of a free target do not show where the tool sits on its link."""
+        if self.target is None:
+            return self
+        own = {p.name: p for p in placement_parameters(self.robot, all_tolerances(self.robot, {}))}
+        parameters = tuple(own[p.name] if p.kind == "platform" else p for p in self.parameters)
+        values = [0.0 if p.kind == "platform" else value for p, value in zip(self.parameters, self.values, strict=True)]
+        return replace(self, parameters=parameters, values=np.array(values))
 
     @property
     def scale(self) -> Floats:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from ran import Ran, refused
+from ran import Ran, called, refused
 
 import gtpin
 from gtpin.references import seen_from
@@ -182,3 +182,22 @@ def test_what_can_t_be_imported_is_one_line_and_leaves_nothing(
     Path("far.csv").write_text(HEIGHTMAP.replace(" -0.045", "45000"), encoding="utf-8")
     own = () if "--origin" in words or words.startswith("marlin") else ("--origin", *ORIGIN)
     assert told in refused(tmp_path, "import", *words.split(), *own, "-o", "touches")
+
+
+def test_points_of_a_robot_with_rods_become_a_dataset_that_calibrate_reads(tmp_path: Path) -> None:
+    model = gtpin.read_model("gantry_tau")
+    q = np.random.default_rng(3).uniform(-0.3, 0.3, (60, 3))
+    T = model.predict(q).T + 2e-5 * np.random.default_rng(4).standard_normal((60, 3))
+    lines = [",".join(map(repr, [*map(float, row)])) for row in 1e3 * np.hstack([q, T])]
+    (tmp_path / "points.csv").write_text("\n".join(f"p{i},{line}" for i, line in enumerate(lines)), encoding="utf-8")
+    words = "--columns=pose,q1,q2,q3,x,y,z --separator comma --unit mm --robot gantry_tau"
+    assert called("import", "points", tmp_path / "points.csv", *words.split(), "-o", tmp_path / "measured").code == 0
+    assert called("calibrate", tmp_path / "measured", "-o", tmp_path / "calibrated").code == 0
+
+
+def test_commands_in_radians_that_are_called_degrees_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "points.txt").write_text("p0,1,2,3\n", encoding="utf-8")
+    (tmp_path / "joints.csv").write_text("pose,q1,q2,q3,q4,q5,q6\np0,0.1,-1.2,1.5,-2.4,0.3,3.1\n", encoding="utf-8")
+    words = f"--columns=pose,x,y,z --separator comma --unit mm --angle deg --commands {tmp_path / 'joints.csv'} --match pose"
+    arguments = [tmp_path / "points.txt", *words.split(), "--robot", "ur10", "-o", tmp_path / "measured"]
+    assert "look like radians; leave out --angle deg" in refused(tmp_path, "import", "points", *arguments)

@@ -8,6 +8,7 @@ from pathlib import Path
 from gtpin.compensation.compensate import compensate
 from gtpin.data import Commands
 from gtpin.errors import GtpinError, warn
+from gtpin.export.loss import assumed_tool
 from gtpin.extras.controllers.machine_error import left_of_commands
 from gtpin.model.model import Model
 from gtpin.model.predict import predict
@@ -31,6 +32,6 @@ def corrected_commands(model: Model, commands: Path, controller: Model | None, o
         rotations = meant.R if model.robot.n_actuators >= 6 else None
         q = compensate(model, meant.T, given.covariates, rotations=rotations, start=given.q)
         replace(given, q=q).write(new)
-    for note in left_of_commands(model, q):
+    for note in (*left_of_commands(model, q), *assumed_tool(model)):
         warn(f"{output.name} {note}")
     return output

@@ -12,11 +12,11 @@ from typing import Annotated, Any, Literal, get_origin
 import typer
 
 from gtpin.commands.terminal import ZERO, AsJson, Command, Force, Origin, Tcp, Vector, output_option, tell
-from gtpin.data import Commands, Dataset, InstrumentSection
+from gtpin.data import Commands, Dataset
 from gtpin.extras.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
 from gtpin.extras.importers.linuxcnc_probe import Unit, read_linuxcnc_probe
 from gtpin.extras.importers.matched import Match
-from gtpin.extras.importers.points import Angle, Length, Rotations, Separator, read_commands, read_points
+from gtpin.extras.importers.points import Angle, Length, Rotations, Separator, instrument_of, read_commands, read_points
 from gtpin.extras.importers.ros_poses import read_ros_poses
 from gtpin.extras.importers.rrf import read_rrf_g32, read_rrf_heightmap
 from gtpin.extras.importers.touches import Touches, write_touches
@@ -45,8 +45,12 @@ Frame = Annotated[
     typer.Option("--frame", help="free: the instrument stood elsewhere; robot: positions are in the base frame."),
 ]
 Target = Annotated[
-    Literal["free", "tcp"],
-    typer.Option("--target", help="free: where the target sits is unknown; tcp: at the robot's TCP."),
+    Literal["free", "tcp"] | None,
+    typer.Option(
+        "--target",
+        help="free: where the target sits is unknown; tcp: at the robot's TCP.",
+        show_default="free; of a robot with rods tcp",
+    ),
 ]
 Within = Annotated[
     float | None,
@@ -216,6 +220,8 @@ def points(
     ],
     unit: Annotated[Length, typer.Option(help="Of lengths.")],
     separator: Annotated[Separator, typer.Option(help="Between columns.")],
+    frame: Frame = "free",
+    target: Target = None,
     angle: Annotated[Angle | None, typer.Option(help="Unit of commands that are angles.")] = None,
     commands: Annotated[
         Path | None,
@@ -234,8 +240,6 @@ def points(
             help="What rx, ry, rz are: a vector, or Euler angles about fixed axes (zyx) or moving ones (ZYX)."
         ),
     ] = None,
-    frame: Frame = "free",
-    target: Target = "free",
     tcp: Tcp = None,
 ) -> Dataset:
     """A list of points or poses, as SpatialAnalyzer exports it: columns, separator and units as you name them."""
@@ -254,7 +258,7 @@ def points(
         header=header,
         decimal_comma=decimal_comma,
         rotations=rotation,
-        instrument=InstrumentSection(frame=frame, target=target),
+        instrument=instrument_of(robot, tcp, frame, target),
         tcp=tcp,
     )
 
@@ -268,7 +272,7 @@ def ros_poses(
     within: Within = None,
     prefix: Annotated[str | None, typer.Option(help="Which pose, where the message has several.")] = None,
     frame: Frame = "free",
-    target: Target = "free",
+    target: Target = None,
     tcp: Tcp = None,
 ) -> Dataset:
     """ROS: the poses of a topic, as rostopic echo -p or ros2 topic echo --csv writes them."""
@@ -279,6 +283,6 @@ def ros_poses(
         match,
         within=within,
         prefix=prefix,
-        instrument=InstrumentSection(frame=frame, target=target),
+        instrument=instrument_of(robot, tcp, frame, target),
         tcp=tcp,
     )

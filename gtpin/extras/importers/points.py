@@ -117,7 +117,7 @@ class NamedColumns:
             position=self.matrix(POSITION) * metres,
             orientation=self.matrix(ORIENTATION) if ORIENTATION[0] in self.values else None,
             covariates={name: values[at] for name, values in commands.covariates.items()} | own,
-            instrument=instrument or InstrumentSection(frame="free", target="free"),
+            instrument=instrument or instrument_of(robot, tcp),
             tcp=tcp,
             row=self.row,
             file=self.file,
@@ -220,6 +220,14 @@ def _hint(text: str, *, first: bool) -> str:
     )
 
 
+def instrument_of(
+    robot: str, tcp: str | None, frame: Literal["free", "robot"] = "free", target: Literal["free", "tcp"] | None = None
+) -> InstrumentSection:
+    """The tracker of a list of points. By default its frame and its target are free; of a robot with rods the target is the
+    TCP, because the joints on the platform are identified with it."""
+    return InstrumentSection(frame=frame, target=target or ("tcp" if load_robot(robot, tcp).rods else "free"))
+
+
 def commands_among(names: Iterable[str]) -> list[str]:
     """Which columns are commands, q1 .. qn in order; raises `DatasetError` for a gap."""
     found = sorted((name for name in names if is_command(name)), key=lambda name: int(name[1:]))
@@ -252,10 +260,14 @@ def read_commands(
     head = "q1" if file.suffix.lower() == ".parquet" else _first_line(file)
     if "q1" in (name.strip() for name in head.split(",")):
         found = Commands.read(file, len(revolute), numbered=True)
-        if angle is None and (np.abs(found.q[:, revolute]) > MOST_TURNS * 2.0 * np.pi).any():
+        turned = np.abs(found.q[:, revolute]).max(initial=0.0)
+        if angle is None and turned > MOST_TURNS * 2.0 * np.pi:
             raise DatasetError(
                 "commands of joints that turn look like degrees", file=file, hint="add --angle deg, or rad"
             )
+        if angle == "deg" and 0.0 < turned <= 2.0 * np.pi:
+            what = f"commands of joints that turn are at most {turned:.3g}, and look like radians"
+            raise DatasetError(what, file=file, hint="leave out --angle deg")
         return replace(found, q=found.q * np.where(revolute, ANGLES[angle or "rad"], 1.0))
     separator: Separator = "semicolon" if ";" in head else "tab" if "\t" in head else "comma"
     commands = [f"q{i}" for i in range(1, len(revolute) + 1)]
@@ -300,8 +312,8 @@ def read_points(
     the list has them. ``rotations``: what rx, ry and rz are: ``vector``, or the axes of Euler angles in the order of the
     columns, about fixed axes (``zyx``) or moving ones (``ZYX``), as in SciPy.
     ``commands``, ``match``, ``within``: the commands, where the list has none, and how they are matched with its rows: see
-    :func:`~gtpin.extras.importers.matched.matched`. ``instrument``: the instrument; by default with unknown noise, a free frame
-    and a free target.
+    :func:`~gtpin.extras.importers.matched.matched`. ``instrument``: the instrument; by default :func:`instrument_of`, with
+    unknown noise.
 
     Raises `GtpinError` if a row is damaged, or columns or units are not given completely.
     """

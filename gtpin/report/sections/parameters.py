@@ -68,6 +68,10 @@ def controller_blocks(model: Model) -> list[Block]:
         "What to add to the parameters of the controller; theta is the zero of a joint. They belong together; one that is not "
         "determined stays near nominal. Where the controller's a and alpha have the other sign, so have what is added to them."
     )
+    if model.geometry.target is not None:
+        words += (
+            " The tool stays as it is: the place of the target on it was unknown, and the data say nothing of the tool."
+        )
     table = Table(("joint", "parameter", "to add", "nominal"), rows, (2, 3))
     return [Heading("The controller's table (Denavit-Hartenberg)"), words, table] if rows else []
 
