@@ -30,6 +30,7 @@ def visited(dataset, rng, times, scatter):
     return replace(again, position=moved, orientation=orientation)
 
 
+@pytest.mark.filterwarnings("ignore:position_sigma:gtpin.errors.GtpinWarning")  # which visits contradict
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
 @pytest.mark.parametrize("times", [1, 3], ids=["once", "three times"])
 @pytest.mark.parametrize("orientation", [True, False], ids=["poses", "positions"])

@@ -104,3 +104,17 @@ def test_of_correct_data_nothing_is_named_even_after_a_fit_has_failed(tmp_path: 
     data = measured_arm(tmp_path, seed, frame=frame, target=target, orientations=seed % 3 == 0)
     assert named(data) is None
     assert named(data, failed=True) is None
+
+
+def test_data_that_a_robot_with_one_drive_can_t_have_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "table.urdf").write_text(
+        '<robot name="table"><link name="base"/><link name="arm"/><joint name="j" type="revolute"><parent link="base"/>'
+        '<child link="arm"/><origin xyz="0.5 0 0.3"/><axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="1" effort="1"/>'
+        '</joint><link name="tool"/><joint name="t" type="fixed"><parent link="arm"/><child link="tool"/>'
+        '<origin xyz="0.5 0 0.1"/></joint></robot>'
+    )
+    rng = np.random.default_rng(0)
+    q, T = rng.uniform(-2.0, 2.0, (30, 1)), rng.uniform(-0.6, 0.6, (30, 3))
+    data = gtpin.Dataset(str(tmp_path / "table.urdf"), [f"p{i}" for i in range(30)], q, T)
+    with pytest.raises(DatasetError, match="can't be the robot's poses"):
+        gtpin.calibrate(data)

@@ -163,6 +163,8 @@ class CommandSearch:
     def found(self, readings: Iterable[CommandReading]) -> Iterator[tuple[float, CommandReading, Floats]]:
         """The readings that come nearest to the measured poses: misfit, m, reading, and zeros z (n,), m or rad."""
         starts = [(reading, z) for reading in readings for z in self._grid(reading)]
+        if not starts:  # several mistakes of one drive
+            return
         some, zeros = [reading for reading, _ in starts], np.stack([z for _, z in starts])
         few = self._few(ROWS)
         misfits = _misfits(self._residuals(few, np.stack([reading.matrix for reading in some]), zeros, ROUGH))
