@@ -24,7 +24,7 @@ def read_only(result: Result) -> Result:
         seen.add(id(value))
         if isinstance(value, np.ndarray):
             value.flags.writeable = False
-        elif is_dataclass(value):
+        elif is_dataclass(value) and not isinstance(value, type):
             todo += [getattr(value, field.name) for field in fields(value)]
         elif isinstance(value, (tuple, list)):
             todo += value

@@ -24,6 +24,8 @@ def real(values: npt.ArrayLike, what: str, hint: str = "give real numbers") -> F
         given = np.asarray(values)
         kind = KINDS.get(given.dtype.kind)
         found = np.zeros(0) if kind else np.asarray(given, dtype=float)
+    except OverflowError:
+        kind, found = "integers too large for a float", np.zeros(0)
     except (TypeError, ValueError):
         kind, found = f"{type(values).__name__} without numbers", np.zeros(0)
     if kind is not None:
@@ -38,8 +40,8 @@ def generator(seed: int) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def probability(value: float, what: str) -> float:
+def probability(value: object, what: str) -> float:
     """A probability; `ModelError` where it is not above 0 and below 1."""
-    if not 0.0 < value < 1.0:
+    if not isinstance(value, (int, float, np.floating)) or not 0.0 < value < 1.0:
         raise ModelError(f"{what}={value!r}", hint="give a probability above 0 and below 1")
-    return value
+    return float(value)

@@ -34,8 +34,8 @@ def with_kept_effects(
     commands have other angles, the calibration is made twice: with the extrapolated curves, and with curves that are zero at
     other angles. The one with the smaller position error is returned.
 
-    ``effects``: fitted effects of a machine of this robot. Drift of the instrument and its shifts between sessions are left
-    out. ``calibrated``: identifies the geometry from a dataset, without effects.
+    ``effects``: fitted effects of a machine of this robot. Drift of the instrument or the target, and their shifts between
+    sessions, are left out. ``calibrated``: identifies the geometry from a dataset, without effects.
 
     Raises `DatasetError` if the dataset has readings of other instruments than one tracker. `ModelError` if an effect's
     site is not one of the robot's, or a covariate is missing that an effect needs. `ConvergenceError` if the motions do not

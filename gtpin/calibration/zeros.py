@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtpin.kinematics.placed import carrier_rates
+from gtpin.kinematics.placed import carrier_rates, joints_on_carrier
 from gtpin.model.dh import controller_table
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
@@ -49,14 +49,10 @@ def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]
     rates = carrier_rates(geometry)
     found = []
     for a, actuator in enumerate(robot.actuators):
-        carried = list(robot.rods_on(a))
         weight = np.zeros(len(geometry.parameters))
-        power = float((rates[carried] ** 2).sum()) if carried else 0.0
-        for j, p in enumerate(geometry.parameters):
-            if p.kind in ("cart_joint", "arm_joint") and power > 0.0:
-                # A joint of one rod, or of all rods of the carrier, which then has the actuator's name.
-                own = carried if p.part == actuator.site else [i for i in carried if robot.rod(i).name == p.part]
-                weight[j] = rates[own, p.component].sum() / power
+        power = float((rates[list(robot.rods_on(a))] ** 2).sum())
+        for j, own in joints_on_carrier(geometry, a) if power > 0.0 else ():
+            weight[j] = rates[own, geometry.parameters[j].component].sum() / power
         if weight.any():
             sigma = float(np.sqrt(weight @ covariance @ weight))
             unit = "rad" if actuator.revolute else "m"

@@ -41,10 +41,6 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 
-SHOWN = 10
-"""Number of poses that a message names."""
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Dataset(Shown):
     """N measured TCP poses of a robot with n actuators.
@@ -172,14 +168,6 @@ class Dataset(Shown):
     def place(self, index: int) -> tuple[Path | None, int]:
         """File, and line in it, of the row with this index (counted from 0)."""
         return self.readings.place(index)
-
-    def words_of(self, rows: NDArray[np.bool_]) -> str:
-        """The poses of some rows (N,) in words; of a table of poses with several rows each, also the number of rows."""
-        names = self.names_of(rows)
-        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-        text = f"poses {', '.join(names[:SHOWN])}{more}"
-        several = self.readings.tracked and len(set(self.pose)) < len(self)
-        return f"{np.count_nonzero(rows):,} of {len(self):,} rows, of {text}" if several else text
 
     @property
     def toml(self) -> Path | None:

@@ -25,6 +25,8 @@ TURNS = 3.0
 ONCE = 2.0 * np.pi
 """Angle, rad, by which a command may be off its range for whole turns to be taken off: one turn. Assumed: controllers count
 from 0 to 360 degrees or to either side; commands in degrees are farther off."""
+SHOWN = 10
+"""Number of poses that a message names."""
 _SEVERAL = 6
 """Fewest rows out of range for the message that a part of a column is in another unit. Assumed."""
 
@@ -160,8 +162,8 @@ def _far_outside(
     return DatasetError(what + looks, file=file, row=line, column=f"q{actuator + 1}", hint=hint)
 
 
-def named_poses(rows: Any, mask: Mask, shown: int = 10) -> str:
+def named_poses(rows: Dataset | Commands, mask: Mask) -> str:
     """Text for a message with the names of the first poses of some rows (N,)."""
     poses = list(dict.fromkeys(rows.pose[mask]))
-    more = f" and {len(poses) - shown} more" if len(poses) > shown else ""
-    return f"pose{'s' if len(poses) > 1 else ''} {', '.join(poses[:shown])}{more}"
+    more = f" and {len(poses) - SHOWN} more" if len(poses) > SHOWN else ""
+    return f"pose{'s' if len(poses) > 1 else ''} {', '.join(poses[:SHOWN])}{more}"

@@ -36,9 +36,7 @@ def class_of(
 
     ``unlisted``: as for :func:`ranked`.
     """
-    found = ranked(hypotheses, model, cause, unlisted).named
-    least = CLASS_SHARE * found[0].probability
-    return tuple(m for m in found if m.probability >= least or m.hypothesis.place == cause.place)
+    return ranked(hypotheses, model, cause, unlisted).members(cause)
 
 
 @dataclass(frozen=True)
@@ -52,6 +50,11 @@ class Ranking:
     named: tuple[ClassMember, ...]
     smooth: tuple[tuple[SmoothTerm, float], ...]
     temperature: float
+
+    def members(self, cause: Hypothesis) -> tuple[ClassMember, ...]:
+        """The class: the cause, and every hypothesis with at least ``CLASS_SHARE`` of the leader's probability."""
+        least = CLASS_SHARE * self.named[0].probability
+        return tuple(m for m in self.named if m.probability >= least or m.hypothesis.place == cause.place)
 
 
 def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis, unlisted: bool = False) -> Ranking:

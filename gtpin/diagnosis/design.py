@@ -55,7 +55,11 @@ class Observed:
         noise = noise_at(baseline.noise, measured)
         # A sigma that visits contradict counts as declared: a cause can make repeated visits differ.
         sigmas = zip(measured.declared, noise.sigma, strict=True)
-        noise = replace(noise, sigma=np.array([s if own is None else min(own, s) for own, s in sigmas]))
+        noise = replace(
+            noise,
+            sigma=np.array([s if own is None else min(own, s) for own, s in sigmas]),
+            estimated=np.array([own is None for own in measured.declared]),
+        )
         if measured.tracked:
             noise = _without_repeatability(noise, measured, baseline.model)
         return Observed(
@@ -111,14 +115,14 @@ def _without_repeatability(noise: ReadingNoise, measured: Readings, model: Model
     The whole scatter is then assigned to the sigmas that were not declared: where a cause makes visits differ, the instrument's
     part of the scatter is estimated too small.
     """
-    sigma, estimated = noise.sigma, np.array([one is None for one in measured.declared])
+    sigma = noise.sigma
     if noise.repeatability > 0.0:
         poses = model.kinematics.forward(measured.q)
         J = in_frame(model.kinematics.command_jacobian(measured.q, poses), model.frame)
         own = noise.repeatability**2 * (J**2).sum(axis=2).mean(axis=0)
         more = np.array([own[:3].mean(), own[3:].mean()])[: len(sigma)]
-        sigma = np.where(estimated, np.sqrt(sigma**2 + more), sigma)
-    return replace(noise, sigma=sigma, estimated=estimated, repeatability=0.0)
+        sigma = np.where(noise.estimated, np.sqrt(sigma**2 + more), sigma)
+    return replace(noise, sigma=sigma, repeatability=0.0)
 
 
 @dataclass(frozen=True)

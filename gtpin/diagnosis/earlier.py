@@ -46,7 +46,7 @@ class Earlier:
 
     @cached_property
     def lasting(self) -> Model:
-        """The model without the effects that do not last: drift of the instrument, and its shifts between sessions."""
+        """The model without the effects that do not last: drift of the instrument or target, and shifts between sessions."""
         robot = self.model.robot
         return self.model.without([active.name for active in self.model.effects if not lasts(active, robot)])
 

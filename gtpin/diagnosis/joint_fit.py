@@ -33,7 +33,7 @@ LAST_DECREASE = 0.1
 
 The prediction is not exact: the derivative leaves out that the effects depend on the geometry and move the robot. The cost is
 half a sum of squares in sigmas: were the prediction exact, the minimum would be at most sqrt(2 * 0.1) = 0.45 sigma away.
-Measured by finite differences where fits ended (tests/diagnosis/test_joint_minimum.py, and on a real arm): 0.02 nats were
+Measured by finite differences where fits ended (tests/diagnosis/test_diagnosis_fit.py, and on a real arm): 0.02 nats were
 predicted, and 1e-4 to 2e-3 were possible. Largest known: 0.37 nats on a virtual arm with a large bending of a link and a large
 coupling, 0.9 sigma of one parameter of the target.
 """

@@ -132,7 +132,7 @@ def reestimate_noise(
                 seen = np.linalg.solve(found.covariance(J, design.components), J)
                 score, size = np.einsum("nci,nc->ni", seen, errors) ** 2, np.einsum("nci,nci->ni", seen, J)
                 sites = design.operating_points.robot.sites
-                drive = _beyond_noise(score, size, sites, model.log_evidence, priors)
+                drive = beyond_noise(score, size, sites, model.log_evidence, priors)
             if drive is not None:
                 weight = np.ones(len(errors))  # these errors are no noise, so their tails say nothing about the noise
     before, after = (
@@ -179,16 +179,17 @@ def drive_beyond_noise(hypotheses: HypothesisSet, model: Posterior[Term], sites:
     own = design.by_command[:, :, [design.operating_points.robot.sites.index(site) for site in sites]]
     score = np.einsum("nci,nc->ni", own, left_over(hypotheses, model)[0]) ** 2
     size = np.einsum("nci,nci->ni", own, own)
-    return _beyond_noise(score, size, sites, model.log_evidence, hypotheses.priors)
+    return beyond_noise(score, size, sites, model.log_evidence, hypotheses.priors)
 
 
-def _beyond_noise(score: Floats, size: Floats, sites: Sequence[str], explained: float, priors: Priors) -> str | None:
+def beyond_noise(score: Floats, size: Floats, sites: Sequence[str], explained: float, priors: Priors) -> str | None:
     """The site whose squared scores (N, n) exceed their expected values ``size`` most; None where none exceeds them.
 
+    An actuator that moves nothing that was measured has no size, and no scores.
     ``explained``: log evidence of the model; a share of it is tolerated, because no machine follows the equations exactly.
     """
     excess = (score - size).sum(axis=0)
-    z = excess / np.sqrt(2.0 * (size**2).sum(axis=0))
+    z = excess / np.maximum(np.sqrt(2.0 * (size**2).sum(axis=0)), 1e-300)
     best = int(np.argmax(z))
     tolerated = priors.core_leaves * 2.0 * max(explained, 0.0)
     return sites[best] if z[best] > priors.drive_excess and excess[best] / size[:, best].mean() > tolerated else None

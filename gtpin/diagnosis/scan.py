@@ -46,7 +46,6 @@ class BestValue:
 
     - ``value``, ``sigma``: the value, and its standard deviation.
     - ``gain``: gain in log evidence.
-    - ``scale``: scale of the coefficients.
     - ``others``: other maxima of the gain, each as (value, sigma, gain), with gains of at least ``ALIKE`` times the best
       one.
     """
@@ -54,7 +53,6 @@ class BestValue:
     value: float
     sigma: float
     gain: float
-    scale: float
     others: tuple[tuple[float, float, float], ...] = ()
 
 
@@ -177,19 +175,19 @@ class Scan:
         values that can't be distinguished from them are left out. Where no value is left, the gain is ``NO_GAIN`` and the
         value means nothing.
         """
-        gains, scales = self._all_gains(model, self._resolved(self.values, others))
+        gains = self._all_gains(model, self._resolved(self.values, others))
         top = int(np.argmax(gains))
         if gains[top] <= NO_GAIN:
-            return BestValue(float(self.values[top]), 0.0, NO_GAIN, float(scales[top]))
+            return BestValue(float(self.values[top]), 0.0, NO_GAIN)
         # Settings that explain as well as the best one share its evidence: the prior is spread over all that were tried.
         trials = float(np.log(len(self.values)))
         together = float(np.logaddexp.reduce(gains)) - trials
         near = self.values[[max(top - 2, 0), min(top + 2, len(self.values) - 1)]]
         if gains[top] < trials or near[0] == near[1]:
-            return BestValue(float(self.values[top]), float(np.ptp(near)) / 2.0, together, float(scales[top]))
+            return BestValue(float(self.values[top]), float(np.ptp(near)) / 2.0, together)
         found = self._refined(model, others, near)
         gain = max(together, found.gain - trials)
-        return BestValue(found.value, found.sigma, gain, found.scale, self._maxima(gains, top, others))
+        return BestValue(found.value, found.sigma, gain, self._maxima(gains, top, others))
 
     def near(self, model: Posterior[Any], value: float, others: Sequence[float] = ()) -> BestValue:
         """Best value given a model, within about one step of the scan from ``value``; ln(number of values) is taken off its
@@ -201,18 +199,17 @@ class Scan:
         at = int(np.searchsorted(ordered, value))
         around = ordered[[max(at - 2, 0), min(at + 1, len(ordered) - 1)]]
         found = self._refined(model, others, around)
-        return BestValue(found.value, found.sigma, found.gain - float(np.log(len(ordered))), found.scale)
+        return BestValue(found.value, found.sigma, found.gain - float(np.log(len(ordered))))
 
     def _refined(self, model: Posterior[Any], others: Sequence[float], near: Floats) -> BestValue:
         """The best value between two values, on successively finer grids: the posterior mean, or the best of the last."""
 
-        def gains_at(values: Floats) -> tuple[Floats, Floats]:
-            gains, scales = self._gains_at(values, model)
-            return np.where(self._resolved(values, others), gains, NO_GAIN), scales
+        def gains_at(values: Floats) -> Floats:
+            return np.where(self._resolved(values, others), self._gains_at(values, model), NO_GAIN)
 
         for _ in range(REFINEMENTS):
             finer = np.linspace(near.min(), near.max(), REFINED)
-            gains, scales = gains_at(finer)
+            gains = gains_at(finer)
             best = int(np.argmax(gains))
             likely = np.exp(gains - gains[best])
             likely /= likely.sum()
@@ -221,11 +218,11 @@ class Scan:
             if sigma > COARSE * step:
                 break
             near = finer[[max(best - 3, 0), min(best + 3, REFINED - 1)]]
-        (gain,), (scale,) = gains_at(np.array([value]))
+        (gain,) = gains_at(np.array([value]))
         if gain < gains[best] - 0.5:  # more than a sigma off: the mean of several maxima, as of places, is none of them
-            value, gain, scale = float(finer[best]), gains[best], scales[best]
+            value, gain = float(finer[best]), gains[best]
             sigma = float(np.sqrt(likely @ (finer - value) ** 2))
-        return BestValue(value, max(sigma, step / np.sqrt(12.0)), float(gain), float(scale))
+        return BestValue(value, max(sigma, step / np.sqrt(12.0)), float(gain))
 
     def _maxima(self, gains: Floats, top: int, others: Sequence[float]) -> tuple[tuple[float, float, float], ...]:
         """Other maxima of the gain over all values, the largest first; values that can't be distinguished from them are left
@@ -255,22 +252,22 @@ class Scan:
         found = self.effect.resolved(self.design.operating_points, self.site, values, others)
         return np.asarray(found & ~np.isin(values, others))
 
-    def _all_gains(self, model: Posterior[Any], wanted: npt.NDArray[np.bool_]) -> tuple[Floats, Floats]:
-        """(S,) gains of the values that are ``wanted``, ``NO_GAIN`` for others and where the core gains little; and scales."""
-        gains, scales = self._gains(self._cores[1], model, self._cores_across(model) if model.terms else None)
+    def _all_gains(self, model: Posterior[Any], wanted: npt.NDArray[np.bool_]) -> Floats:
+        """(S,) gains of the values that are ``wanted``, ``NO_GAIN`` for others and where the core gains little."""
+        gains = self._gains(self._cores[1], model, self._cores_across(model) if model.terms else None)
         if self._core == slice(None) or not wanted.any():
-            return np.where(wanted, gains, NO_GAIN), scales
+            return np.where(wanted, gains, NO_GAIN)
         top = gains[wanted].max()
         likely = wanted & (gains >= min(LIKELY * top, top))
         likely[1:-1] |= likely[:-2] | likely[2:]
         some = np.flatnonzero(likely & wanted)
         gains = np.full(len(gains), NO_GAIN)
         for batch in np.array_split(some, -(-len(some) // BATCH)):
-            gains[batch], scales[batch] = self._gains_at(self.values[batch], model)
-        return gains, scales
+            gains[batch] = self._gains_at(self.values[batch], model)
+        return gains
 
-    def _gains_at(self, values: Floats, model: Posterior[Any]) -> tuple[Floats, Floats]:
-        """(S,) gains of some values with their modulations, and their scales."""
+    def _gains_at(self, values: Floats, model: Posterior[Any]) -> Floats:
+        """(S,) gains of some values with their modulations."""
         displacements = self._displacements(values)
         products = self._products(displacements)
         if not model.terms:
@@ -279,13 +276,13 @@ class Scan:
         across = displacements.reshape(-1, len(seen)) @ seen - products.halves.T @ halves
         return self._gains(products, model, across.reshape(*products.moments.shape, -1))
 
-    def _gains(self, products: _InnerProducts, model: Posterior[Any], across: Floats | None) -> tuple[Floats, Floats]:
-        """(S,) gains in log evidence given a model, and the scales that give them."""
+    def _gains(self, products: _InnerProducts, model: Posterior[Any], across: Floats | None) -> Floats:
+        """(S,) gains in log evidence given a model, at the best scales."""
         grams, moments = products.grams, products.moments
         if across is not None:
             moments = moments - across @ model.mean
             grams = grams - across @ model.covariance @ across.transpose(0, 2, 1)
-        return best_scales(grams, moments, self.effect.core, self.priors)
+        return best_scales(grams, moments, self.effect.core, self.priors)[0]
 
 
 LEAST_SEEN = 1e-6

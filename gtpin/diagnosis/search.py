@@ -172,8 +172,9 @@ class HypothesisSet:
     def cost(self, term: Term) -> float:
         """Log prior odds against a term as the only one, nats: its gain in log evidence must exceed them.
 
-        ln(n / alpha) for n named hypotheses and the false alarm rate alpha, ``unnamed`` more for smooth terms, and, for effects
-        of merged sessions, the logarithm of the number of ways to merge them.
+        ln(n / alpha) for n named hypotheses and the false alarm rate alpha; ``unnamed`` more for smooth terms, ``same_clock``
+        for effects of the platform over time or session alone, and, for effects of merged sessions, the logarithm of the number
+        of ways to merge them.
         """
         unnamed = self.priors.unnamed if isinstance(term, SmoothTerm) else 0.0
         robot, one = self.design.operating_points.robot, explained_by(term)

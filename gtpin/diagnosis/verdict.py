@@ -232,10 +232,11 @@ def _replacing(hypotheses: HypothesisSet, named: Posterior[Term]) -> tuple[Smoot
 
     Without it, one of 54 frozen cases has a cause of 0.6 beside the unknown; with it, none.
     """
-    found = []
+    found: list[SmoothTerm] = []
     for cause in causes(named):
-        if hypotheses.smooth and sum(m.probability for m in class_of(hypotheses, named, cause)) < 0.5:
-            found.append(ranked(hypotheses, named, cause).smooth[0][0])
+        every = ranked(hypotheses, named, cause)
+        listed = sum(member.probability for member in every.members(cause))
+        found += [term for term, probability in every.smooth[:1] if probability > listed]
     return tuple(dict.fromkeys(found))
 
 

@@ -176,12 +176,13 @@ def _with(q: Floats, j: int, angle: Floats) -> Floats:
 
 
 OF_ITS_DAY = frozenset(("session", "time"))
-"""Covariates on which an effect of the instrument does not hold on another day."""
+"""Covariates on which an effect of the instrument or the target does not hold on another day."""
 
 
 def lasts(active: ActiveEffect, robot: Chain) -> bool:
-    """Whether an effect is neither a drift of the instrument nor a shift of it between sessions."""
-    return not (active.site == "frame" and bool(OF_ITS_DAY & set(active.effect.covariates(robot, active.site))))
+    """Whether an effect is neither a drift of the instrument or the target, nor a shift of them between sessions."""
+    set_up = active.site in ("frame", "platform")
+    return not (set_up and bool(OF_ITS_DAY & set(active.effect.covariates(robot, active.site))))
 
 
 MARGIN = 0.05

@@ -51,17 +51,17 @@ def span(coefficients: Floats) -> float:
     return float(np.ptp(cosines(GRID, 1, len(coefficients))[0] @ coefficients))
 
 
-def modulated(column: Floats, coordinates: list[Floats], share: float, orders: int = 2) -> tuple[Floats, Floats]:
+def modulated(column: Floats, coordinates: list[Floats], share: float) -> tuple[Floats, Floats]:
     """A displacement (N,) and its modulation: the displacement times cosines of coordinates (N,).
 
-    The coordinates have no unit; most of their values are between -1 and 1. The cosines have orders 1 to ``orders``.
+    The coordinates have no unit; most of their values are between -1 and 1. The cosines have the orders 1 and 2.
 
     Returns (N, m) the displacement first, then its modulation, and (m,) their sizes relative to the displacement: ``share /
     order`` for each coordinate and order.
     """
     columns, sizes = [column], [1.0]
     for x in coordinates:
-        for order in range(1, orders + 1):
+        for order in (1, 2):
             columns.append(column * wave(np.clip(x, -3.0, 3.0), order))
             sizes.append(share / order)
     return np.stack(columns, axis=1), np.array(sizes)

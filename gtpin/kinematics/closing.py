@@ -323,14 +323,13 @@ class LoopClosure:
         change = _norm(inverse[rows] @ (closing.D - its.D))
         reached = np.zeros(n, dtype=bool)
         reached[rows] = closing.closed & (change <= CHANGE) & (self.amplification(self.inverse(closing.D)) <= largest)
-        now.put(rows, closing.here)
+        now.put(rows[reached[rows]], closing.here.take(reached[rows]))
         again = rows[~reached[rows]]
         if again.size and first > SHORTEST_FIRST:
-            ends, arrived, _ = self.follow(
+            ends, reached[again], done[again] = self.follow(
                 start.take(again), lambda s, some: path(s, again[some]), largest, first / 8.0
             )
             now.put(again, ends)
-            reached[again] = arrived
         return now, reached, done
 
 

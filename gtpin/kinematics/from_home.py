@@ -56,8 +56,7 @@ def ways_round(robot: Chain, home_q: Floats, q: Floats) -> list[Floats]:
     order and in the reverse order.
     """
     turns, count = 2.0 * np.pi, robot.n_actuators
-    endless = robot.revolute & ~np.isfinite(robot.upper - robot.lower)
-    near = np.where(endless, q - turns * np.round((q - home_q) / turns), q)
+    near = np.where(robot.endless, q - turns * np.round((q - home_q) / turns), q)
     orders = [np.zeros(count, dtype=int)] if (near != q).any() else []
     if count > 1:
         orders += [np.arange(count), np.arange(count)[::-1]]

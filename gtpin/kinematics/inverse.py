@@ -163,12 +163,12 @@ def solved(kinematics: Kinematics, T: Floats, R: Floats | None, start: Floats) -
         found[((found < robot.lower - INSIDE) | (found > robot.upper + INSIDE)).any(axis=1)] = np.nan
         return found
     ends = robot.lower, robot.upper
-    begin, endless = np.clip(start, *ends), robot.revolute & ~np.isfinite(robot.upper - robot.lower)
+    begin = np.clip(start, *ends)
     low, high = np.maximum(ends[0], start - np.pi), np.minimum(ends[1], start + np.pi)
     rng, found, rows = np.random.default_rng(0), np.full(start.shape, np.nan), np.arange(len(T))
     for _ in range(STARTS):
         q, _ = _newton(kinematics, T[rows], None if R is None else R[rows], begin, ends)
-        found[rows] = q - 2.0 * np.pi * endless * np.round((q - start[rows]) / (2.0 * np.pi))
+        found[rows] = q - 2.0 * np.pi * robot.endless * np.round((q - start[rows]) / (2.0 * np.pi))
         rows = rows[np.isnan(q).any(axis=1)]
         if not rows.size:
             break

@@ -5,7 +5,7 @@ Frames, their indices and their twists are those of :mod:`~gtpin.robot.placement
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -161,6 +161,17 @@ def _left_jacobians(w: Floats) -> Floats:
         term = term @ K / (k + 1)
         total, k = total + term, k + 1
     return np.asarray(total)
+
+
+def joints_on_carrier(geometry: Geometry, actuator: int) -> Iterator[tuple[int, list[int]]]:
+    """Parameters that move rods' joints on an actuator's carrier: the index of each, and the rods whose joints it moves."""
+    robot, carried = geometry.robot, list(geometry.robot.rods_on(actuator))
+    for j, p in enumerate(geometry.parameters):
+        if p.kind in ("cart_joint", "arm_joint"):
+            # Of one rod, or of all rods of the carrier, which has the actuator's name.
+            whole = p.part == robot.actuators[actuator].site
+            if own := carried if whole else [i for i in carried if robot.rod(i).name == p.part]:
+                yield j, own
 
 
 def carrier_rates(geometry: Geometry) -> Floats:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtpin.kinematics.placed import carrier_rates
+from gtpin.kinematics.placed import carrier_rates, joints_on_carrier
 from gtpin.model.dh import table_with_base
 from gtpin.model.model import Model
 from gtpin.robot.constrained_model import joint_axis
@@ -165,13 +165,11 @@ def _zeros(geometry: Geometry) -> list[tuple[str, str, Floats]]:
     robot, found = geometry.robot, []
     rates = carrier_rates(geometry)
     for a, actuator in enumerate(robot.actuators):
-        carried, way = list(robot.rods_on(a)), np.zeros(len(geometry.parameters))
-        axis = joint_axis(robot.model, actuator.joint_id)
+        way, axis = np.zeros(len(geometry.parameters)), joint_axis(robot.model, actuator.joint_id)
+        for j, own in joints_on_carrier(geometry, a):
+            way[j] = rates[own, geometry.parameters[j].component].mean()
         for j, p in enumerate(geometry.parameters):
-            if p.kind in ("cart_joint", "arm_joint"):  # of one rod, or of all rods of the actuator, which then names it
-                own = carried if p.part == actuator.site else [i for i in carried if robot.rod(i).name == p.part]
-                way[j] = rates[own, p.component].mean() if own else 0.0
-            elif p.kind == "placement" and p.part == robot.model.names[actuator.joint_id]:
+            if p.kind == "placement" and p.part == robot.model.names[actuator.joint_id]:
                 way[j] = axis[p.component]
         if way.any():
             found.append((f"zero[{actuator.site}]", "rad" if actuator.revolute else "m", way))

@@ -169,12 +169,12 @@ def contradicted(
     :func:`from_repeats` gives and takes. ``larger``: the factor. ``chance``: largest p-value of the ratio of likelihoods.
     """
     tested = (np.bincount(found.group.ravel(), minlength=len(found.sigma)) >= LEAST_CONTRASTS) & ~found.estimated
+    if not tested.any():
+        return tested
     free = from_repeats(replace(found, estimated=found.estimated | tested), contrast, by_command)
-    gain = misfit(found, tamed(contrast, found.group), by_command) - misfit(
-        free, tamed(contrast, found.group), by_command
-    )
-    likelier = float(chi2.sf(gain, float(max(int(tested.sum()), 1)))) <= chance
-    return tested & likelier & (free.sigma > larger * found.sigma)
+    errors = tamed(contrast, found.group)
+    gain = misfit(found, errors, by_command) - misfit(free, errors, by_command)
+    return tested & (float(chi2.sf(gain, tested.sum())) <= chance) & (free.sigma > larger * found.sigma)
 
 
 def within_residuals(noise: ReadingNoise, errors: Floats, by_command: Floats) -> ReadingNoise:

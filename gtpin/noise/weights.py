@@ -53,17 +53,19 @@ def huber(residual: Floats) -> Floats:
     return np.where(norm > LEFT_OUT, 0.0, np.minimum(1.0, bound / np.maximum(norm, 1e-300)))
 
 
-def gross(residual: Floats, used: Mask, heaviest: float = np.inf) -> Mask:
+def gross(residual: Floats, used: Mask) -> Mask:
     """(N,) whether noise with the size and tails of the other poses' residuals does not explain a pose's residual.
 
-    ``residual``: (N, c) whitened residuals, of all poses. ``used``: (N,) poses that the fit used. ``heaviest``: upper limit
-    of the degrees of freedom of the t distribution that is assumed for good poses.
+    ``residual``: (N, c) whitened residuals, of all poses. ``used``: (N,) poses that the fit used.
     """
-    return np.asarray(square_norms(residual) > gross_limit(residual, used, heaviest))
+    return np.asarray(square_norms(residual) > gross_limit(residual, used))
 
 
 def gross_limit(residual: Floats, used: Mask, heaviest: float = np.inf) -> float:
-    """Squared length of a whitened residual from which :func:`gross` rejects its row."""
+    """Squared length of a whitened residual from which :func:`gross` rejects its row.
+
+    ``heaviest``: upper limit of the degrees of freedom of the t distribution that is assumed for good poses.
+    """
     tails = Tails(min(Tails.of(residual[used]).freedom, heaviest))
     limit = tails.quantile(REJECTION / max(1, len(residual)), residual.shape[1])
     scale = robust_scale(residual[used]) ** 2

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from gtpin.robot.constrained_model import POSTURES, ConstrainedModel, in_planes, joint_axis, joint_jacobian
+from gtpin.robot.constrained_model import POSTURES, ConstrainedModel, in_planes, joint_jacobian
 from gtpin.robot.description import LEVER
 from gtpin.typing import Floats
 
@@ -208,15 +208,16 @@ def _nearest(robot: ConstrainedModel, start: Floats, notes: list[str]) -> Floats
     rng = np.random.default_rng(0)
     found = list[tuple[Floats, float, Floats]]()
     lower, upper = _ranges(robot, start)
+    middle = np.clip(0.0, lower, upper)
     best, smallest = start, np.inf
     for attempt in range(ATTEMPTS):
-        x = np.clip(0.0, lower, upper)
+        x = middle
         if attempt:
-            x = rng.uniform(np.maximum(lower, -np.pi), np.minimum(upper, np.pi))
+            x = rng.uniform(np.maximum(lower, middle - np.pi), np.minimum(upper, middle + np.pi))
         configuration, gap = closest(robot, _moved(robot, start, x))
         if gap < smallest:
             best, smallest = configuration, gap
-        moved = _within_a_turn(robot, pin.difference(robot.model, start, configuration)[robot.passive])
+        moved = _within_a_turn(robot, pin.difference(robot.model, start, configuration)[robot.passive], lower, upper)
         if gap <= tolerance(robot) and all(np.abs(moved - other).max() > SAME for other, *_ in found):
             found.append((moved, gap, _moved(robot, start, moved)))
     found = [one for one in found if one[1] <= CLOSED * robot.size] or found  # else closed but for rounded numbers
@@ -245,13 +246,15 @@ def _ranges(robot: ConstrainedModel, start: Floats) -> tuple[Floats, Floats]:
     return lower[robot.passive], upper[robot.passive]
 
 
-def _within_a_turn(robot: ConstrainedModel, moved: Floats) -> Floats:
-    """Passive coordinates (p,) with angles between -pi and pi."""
-    turning = np.zeros(robot.model.nv, dtype=bool)
-    for joint in range(1, robot.model.njoints):
-        if robot.model.nvs[joint] == 1:
-            turning[robot.model.idx_vs[joint]] = joint_axis(robot.model, joint)[3:].any()
-    return np.where(turning[robot.passive], (moved + np.pi) % (2.0 * np.pi) - np.pi, moved)
+def _within_a_turn(robot: ConstrainedModel, moved: Floats, lower: Floats, upper: Floats) -> Floats:
+    """Passive coordinates (p,) with angles between -pi and pi, or by whole turns within their ranges, (p,) each."""
+    turns = 2.0 * np.pi
+    near = (moved + np.pi) % turns - np.pi
+    inside = near + turns * (
+        np.maximum(0.0, np.ceil((lower - near) / turns)) + np.minimum(0.0, np.floor((upper - near) / turns))
+    )
+    near = np.where((lower <= inside) & (inside <= upper), inside, near)
+    return np.where(robot.whole_turns[robot.passive], near, moved)
 
 
 def _which(robot: ConstrainedModel, found: list[Floats]) -> str:
@@ -266,6 +269,7 @@ def _which(robot: ConstrainedModel, found: list[Floats]) -> str:
         choose = "give a <key> of <keyframe> near one of them to choose its assembly"
     if robot.description.posture:
         where, start = f"the loops of {robot.name} are open at its home", "it"
+        choose = choose.replace("into <gtpin>", "into <gtpin>, in the place of its <home>,")
     return f"{where}: the closed posture nearest to {start} is taken, {homes[0]}{others}; {choose}"
 
 
@@ -290,7 +294,7 @@ def home_attributes(
     pin.forwardKinematics(robot.model, robot.data, configuration)
     pose = robot.data.oMi[joint] * placement
     numbers = {"q": robot.home_q, "tcp_xyz": pose.translation, "tcp_rotvec": pin.log3(pose.rotation)}
-    return {key: " ".join(f"{round(value, digits) + 0.0:g}" for value in x) for key, x in numbers.items()}
+    return {key: " ".join(f"{round(value, digits) + 0.0:.{digits}g}" for value in x) for key, x in numbers.items()}
 
 
 def _at_declared_home(robot: ConstrainedModel, start: Floats) -> Floats:

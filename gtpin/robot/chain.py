@@ -103,7 +103,7 @@ class MovingLink:
     """The child link of an actuated joint, with everything fixed to it. It reaches from that joint's frame to its tip.
 
     ``name``: its name in the URDF. ``joint_id``: the Pinocchio joint that moves it. ``tip``: index, as in
-    :class:`~gtpin.kinematics.motion.Motion`, of the placement frame of the next joint; of the TCP for the last link.
+    :class:`~gtpin.kinematics.motion.FrameMotion`, of the placement frame of the next joint; of the TCP for the last link.
     """
 
     name: str

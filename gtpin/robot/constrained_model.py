@@ -22,7 +22,7 @@ import pinocchio as pin
 from gtpin.errors import ModelError, RobotError, warn
 from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
 from gtpin.robot.resting import folded, followers, moving_model, neutral, put
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 POSTURES = 6
 """Number of postures at which a loop's motions are examined: a planar loop moves in its plane at all of them. Assumed."""
@@ -290,6 +290,23 @@ class ConstrainedModel:
     def revolute(self) -> npt.NDArray[np.bool_]:
         """(n,) whether each actuator turns instead of sliding."""
         return np.array([actuator.revolute for actuator in self.actuators])
+
+    @cached_property
+    def whole_turns(self) -> Mask:
+        """(nv,) whether a whole turn of a joint changes nothing: it turns about one axis, and its followers by whole turns."""
+        model = self.model
+        found = np.zeros(model.nv, dtype=bool)
+        for joint in range(1, model.njoints):
+            if model.nvs[joint] == 1:
+                found[model.idx_vs[joint]] = joint_axis(model, joint)[3:].any()
+        for follower in self.followers:
+            found[follower.master_v] &= found[follower.index_v] and follower.multiplier.is_integer()
+        return found
+
+    @property
+    def endless(self) -> Mask:
+        """(n,) whether commands that differ by whole turns are one posture: of actuators that turn without limits."""
+        return self.whole_turns[self.driven] & ~np.isfinite(self.upper - self.lower)
 
     @property
     def loop_joints(self) -> tuple[int, ...]:

@@ -200,7 +200,10 @@ class RobotDescription:
             raise RobotError("there are two <gtpin> elements", file=source, hint="keep one")
         own = elements[0] if elements else Element("gtpin")
         platform = own.find("platform")
-        home = own.find("home")
+        homes = own.findall("home")
+        if len(homes) > 1:
+            raise RobotError("there are two <home> elements", file=source, hint="keep one")
+        home = homes[0] if homes else None
         posture = {reader.text(e, "name"): reader.numbers(e, "value", None) for e in own.findall("home/joint")}
         gravity = own.find("gravity")
         tolerance = own.find("tolerance")

@@ -25,7 +25,8 @@ def to_urdf(geometry: Geometry, placements: Floats | None, anchors: Floats, home
     fixed joint, the TCP gets a new link, which ``<platform>`` names. Where the place of the measured target was unknown, the
     target is a link of its own, ``target``, and the TCP stays on its link.
 
-    ``geometry``: what to write. ``placements``, ``anchors``: its places, as :class:`~gtpin.kinematics.placed.Placed` has them.
+    ``geometry``: what to write. ``placements``, ``anchors``: its places, as :class:`~gtpin.kinematics.placed.PlacedParts` has
+    them.
     ``home``: the TCP's position (3,), m, and rotation (3, 3) at the home commands, base frame.
     """
     robot = geometry.robot
@@ -117,6 +118,8 @@ def _name_what_was_found(robot: Chain, root: Element) -> None:
         bodies = (frame for frame in robot.model.frames if frame.type == pin.FrameType.BODY)
         link = next(frame for frame in bodies if frame.parentJoint == robot.tcp_joint)
         at = home_attributes(robot, robot.assembly.configuration, robot.tcp_joint, link.placement, digits=9)
+        for before in own.findall("home"):  # by coordinates of joints, at which the loops are open
+            own.remove(before)
         own.append(Element("home", at, link=str(link.name)))
     for name, normals in planes.items():
         if name not in description.planes:

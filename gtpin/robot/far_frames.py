@@ -23,6 +23,7 @@ FAR_MASS = 10.0
 """A centre of mass that is nearer than this, m, is left where it is, however small the machine. Assumed."""
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a robot of absurd size is refused later
 def bring_near(model: Any, *, masses_alone: bool) -> None:
     """Move the frames of joints that are far from the machine along their axes to the foot; changes the model.
 
@@ -75,7 +76,8 @@ def feet(model: Any, data: Any) -> Floats:
                 :, model.idx_vs[j]
             ]
             along = twist[3:] if twist[3:].any() else twist[:3]
-            found[j] = at + along * (along @ (before - at)) / (along @ along)
+            if along.any():  # a driven joint whose axis has no length is refused later
+                found[j] = at + along * (along @ (before - at)) / (along @ along)
     return found
 
 

@@ -11,7 +11,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TypeVar
 
-from gtpin.errors import RobotError, warn
+from gtpin.errors import RobotError, unheard, warn
 from gtpin.references import is_path
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import CONVERT, RobotDescription
@@ -117,9 +117,12 @@ def loaded(
 ) -> AnyRobot:
     """A robot of a class, by its name or path; notes on it are warnings."""
     described = RobotDescription.read(robot_path(robot), home if isinstance(home, str) else "")
-    found = kind(with_actuators(described, actuators), tcp)
+    described = with_actuators(described, actuators)
     if len(home) and not isinstance(home, str):
-        found = kind(with_home(found.description, home, found.home_posture), tcp)
+        with unheard():  # the robot itself warns
+            near = kind(described, tcp).home_posture
+        described = with_home(described, home, near)
+    found = kind(described, tcp)
     for note in (*found.assembly.notes, *_without_effect(found)):
         warn(note)
     return found

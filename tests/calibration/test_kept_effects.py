@@ -98,8 +98,9 @@ def test_geometry_and_kept_effects_together_predict_other_poses(case):
 
 @pytest.mark.slow
 def test_what_only_one_day_had_is_left_out_with_a_warning(case):
-    with pytest.warns(gtpin.GtpinWarning, match="frame_shift@frame"):
-        fitted = gtpin.calibrate(case[1], keep_effects=[active(), active(effect="frame_shift", site="frame")])
+    of_its_day = [active(effect="frame_shift", site="frame"), active(effect="target_shift", site="platform")]
+    with pytest.warns(gtpin.GtpinWarning, match="frame_shift@frame, target_shift@platform"):
+        fitted = gtpin.calibrate(case[1], keep_effects=[active(), *of_its_day])
     assert [one.name for one in fitted.model.effects] == [f"rack_periodic@{SITE}"]
 
 

@@ -335,7 +335,7 @@ def test_a_number_that_nothing_reads_is_set_aside(tmp_path, name, column, value)
     values = np.array(GOOD[name].columns[column])
     values[3] = abs(value) if name == "wire" else value  # a range below 0 is refused
     dataset = read(tmp_path / "set", GOOD[name].reading(**{column: values}))
-    with np.errstate(all="raise"), pytest.warns(GtpinWarning, match=r"set aside.*: poses [a-z]3$"):
+    with np.errstate(all="raise"), pytest.warns(GtpinWarning, match=r"set aside.*: pose [a-z]3$"):
         found = gtpin.calibrate(dataset)
     assert_calibrated(found)
 

@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 import gtpin
-from gtpin.diagnosis.classes import class_of
+from gtpin.diagnosis.classes import class_of, ranked
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Posterior
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope, SmoothTerm, Term
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.search import HypothesisSet, causes, scales, search, with_lines_reestimated
+from gtpin.diagnosis.verdict import decide
 from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import Effect
 from gtpin.effects.operating_points import OperatingPoints
@@ -211,6 +212,24 @@ def test_what_explains_as_much_as_a_cause_is_in_its_class_though_it_could_imitat
     assert dear > cheap + 100.0
     members = {m.hypothesis: m.probability for m in class_of(hypotheses, model, elsewhere)}
     assert members[elsewhere] > members[imitator] > 0.0
+
+
+def test_many_that_explain_a_little_less_than_a_cause_are_no_smooth_term() -> None:
+    """They have most of the probability, each too little for the class; but a smooth term has next to none."""
+    rng = np.random.default_rng(4)
+    design = of_arm(rng.uniform(-2.0, 2.0, (60, 6)))
+    at, (own, off, apart) = design.operating_points, 1e-4 * rng.standard_normal((3, 60, 1))
+    known = [Hypothesis(Drawn(own, 0), at.robot.sites[1])]
+    known += [Hypothesis(Drawn(own + 0.3 * off, i), at.robot.sites[1]) for i in range(1, 80)]
+    y = 3.0 * design.columns(known[0].basis(at))[:, 0] + rng.standard_normal(180)
+    term, moved = SmoothTerm(at.robot.sites[2], ("q3",), "along"), along_track(at, at.robot.sites[2], apart, np.ones(1))
+    hypotheses = HypothesisSet(replace(design, y=y), known, (), [(term, moved)], SCOPE)
+    found = decide(hypotheses)
+    ((cause, members),) = found.classes.items()
+    every = ranked(hypotheses, found.model, cause)
+    assert members == (every.named[0],)
+    assert every.smooth[0][1] < members[0].probability < 0.5
+    assert not found.doubts
 
 
 def test_an_effect_that_names_a_site_twice_acts_there_once() -> None:

@@ -10,7 +10,8 @@ from scipy.stats import binom
 
 from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.evidence import NOTHING, fixed
-from gtpin.diagnosis.noise import left_over, reestimate_noise
+from gtpin.diagnosis.noise import beyond_noise, left_over, reestimate_noise
+from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.search import HypothesisSet
 from gtpin.effects.displacement import Displacement
 from gtpin.instruments.readings import Readings
@@ -139,3 +140,9 @@ def test_what_errs_alike_at_every_visit_is_no_scatter(seed):
 def test_what_errs_anew_at_every_visit_is_scatter(seed, repeatability):
     observed = measured(seed, repeatability=repeatability)
     assert reestimate_noise(observed, hypotheses_of(observed), NOTHING).drive_beyond_noise is None
+
+
+def test_a_drive_that_moves_nothing_that_was_measured_hides_no_other_drive_beyond_noise():
+    size = np.tile([0.0, 1.0, 1.0], (200, 1))
+    score = size * np.random.default_rng(1).chisquare(1.0, (200, 3)) * [1.0, 1.0, 4.0]
+    assert beyond_noise(score, size, ("hidden", "good", "rough"), 0.0, PRIORS) == "rough"

@@ -76,7 +76,10 @@ LEAST_OF_DRIFT = 1.0 / (1.0 + np.exp(-Priors().same_clock))
 )
 def test_a_payload_left_out_takes_nothing_from_what_shows_by_itself(effect, site, without, least):
     found = said(machine(4, effect, site, without))
-    assert (effect, site) in {(c.effect, c.site) for c in found.causes if c.probability >= least}
+    # The plate of a Gantry-Tau hardly turns: the data do not tell a drifting frame from a drifting target.
+    alike = {(effect, site), ("target_drift", "platform")} if effect == "tracker_drift" else {(effect, site)}
+    classes = [{(m.effect, m.site): m.probability for m in c.members} for c in found.causes]
+    assert any((effect, site) in own and sum(own.get(one, 0.0) for one in alike) >= least for own in classes)
 
 
 @pytest.mark.parametrize(

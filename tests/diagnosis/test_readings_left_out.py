@@ -135,3 +135,14 @@ def test_all_readings_at_one_pose_are_left_out_together(kind: str) -> None:
     assert len(blocks) > 3
     for pose in np.unique(dataset.pose.astype(str)):
         assert len(set(of[dataset.pose.astype(str) == pose])) == 1
+
+
+@pytest.mark.parametrize("kind", ["sockets", "wire and level"])
+def test_a_sigma_that_visits_contradict_counts_as_declared(kind: str) -> None:
+    found = prepared(kind)
+    noise = found.baseline.noise
+    contradicted = replace(noise, sigma=2.0 * noise.sigma, estimated=np.ones_like(noise.estimated))
+    again = Observed.of(found.dataset, replace(found.baseline, noise=contradicted)).noise
+    assert None not in found.declared
+    assert again.sigma[0] == found.declared[0]
+    assert not again.estimated.any()

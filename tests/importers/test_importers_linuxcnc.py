@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from printed import PROBE_LOG, Write
+from typer.testing import CliRunner
 
 import gtpin
 from gtpin.errors import DatasetError
+from gtpin.extras.importers.commands import import_app
 from gtpin.extras.importers.linuxcnc_probe import read_linuxcnc_probe
 from gtpin.extras.importers.touches import commands
 
@@ -67,3 +69,12 @@ def test_a_place_that_the_robot_can_t_reach_is_named_by_its_row(write: Write) ->
     touches = read_linuxcnc_probe(write("probe.txt", far), "mm")
     with pytest.raises(DatasetError, match="row 2: linear_delta can't be"):
         commands(touches, kinematics, np.array([0.0, 0.0, 0.3]))
+
+
+def test_only_few_touches_of_a_printers_bed_are_told_to_be_few(write: Write) -> None:
+    mill, log = write("mill.urdf", MILL), write("probe.txt", PROBE_LOG)
+    arguments = [str(log), "--unit", "mm", "--axes", "XYZ", "--robot", str(mill), "-o", str(log.parent / "touches")]
+    told = CliRunner().invoke(import_app, ["linuxcnc-probe", *arguments])
+    assert told.exit_code == 0
+    assert "touches of" in told.output
+    assert "mesh" not in told.output

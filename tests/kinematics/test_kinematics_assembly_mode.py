@@ -1,5 +1,8 @@
 """The assembly mode of home is kept along any path within the range."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from closures import Closures
@@ -8,7 +11,10 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.errors import AssemblyModeError
+from gtpin.kinematics.closing import LoopClosure
 from gtpin.kinematics.kinematics import MANY, Kinematics
+from gtpin.kinematics.placed import PlacedParts
+from gtpin.kinematics.postures import Closed
 from gtpin.kinematics.rotations import log
 from gtpin.robot.description import RobotDescription
 
@@ -167,3 +173,27 @@ def test_many_commands_at_once_are_reached_as_along_paths_from_home(name: str) -
         assert np.array_equal(few.reached, some.reached)
         assert np.abs(few.T - some.T)[few.reached].max() <= 1e-12
         assert np.abs(few.R - some.R)[few.reached].max() <= 2e-12
+
+
+class NeverClosed(LoopClosure):
+    """Closures whose Newton's method ends in no closed posture."""
+
+    def newton(self, *arguments: Any, **options: Any) -> Closed:
+        found = super().newton(*arguments, **options)
+        return replace(found, closed=np.zeros_like(found.closed))
+
+
+def test_a_path_that_is_followed_again_ends_where_its_loops_are_nearly_closed(four_bar: gtpin.Robot) -> None:
+    """A path whose first step ends at home, and whose shorter ones meet a point beyond reach on the way."""
+    loops, own = NeverClosed(four_bar), Kinematics(gtpin.Geometry.nominal(four_bar))
+    start, q, beyond = own.at_home, four_bar.home_q, 0.05
+
+    def path(s: Floats, rows: Floats) -> tuple[Floats, PlacedParts]:
+        anchors = np.repeat(own.placed.anchors[None], len(s), axis=0)
+        anchors[:, 0] += 10.0 * ((s > beyond) & (s < 1.0))[:, None]  # m: the links are shorter
+        return np.tile(q, (len(s), 1)), replace(own.placed, anchors=anchors)
+
+    last, reached, done = loops.follow(start, path, 1e6)
+    assert not reached.any()
+    assert done[0] <= beyond
+    assert loops.gap(loops.at(last.X, own.placed))[0] < 1e-9

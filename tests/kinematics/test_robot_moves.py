@@ -113,6 +113,11 @@ MISTAKES: dict[str, tuple[Callable[[gtpin.Robot, gtpin.Robot], object], type[Exc
     "dates": (lambda arm, _: arm.forward(np.zeros(6, "datetime64[s]")), ModelError, "are dates; give 6"),
     "masked": (lambda arm, _: arm.forward(np.ma.array(np.zeros(6), mask=[1, 0, 0, 0, 0, 0])), ModelError, "masked"),
     "astronomical": (lambda arm, _: arm.forward(np.full((2, 6), 1e20)), ModelError, "1e[+]20 for ur5; give m and rad"),
+    "a huge integer": (
+        lambda arm, _: arm.forward([10**400] * 6),
+        ModelError,
+        "are integers too large for a float; give 6",
+    ),
     "a complex position": (lambda arm, _: arm.inverse(np.zeros(3, complex)), ModelError, "are complex numbers; give"),
     "a seed below 0": (lambda *_: gtpin.analyse(gtpin.read_model("ur5"), seed=-1), ModelError, "seed=-1; give"),
     "endless": (lambda _, m: m.forward([np.inf, 0.0, 0.0]), ModelError, "give 3 finite numbers"),

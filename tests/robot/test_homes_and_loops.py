@@ -2,6 +2,7 @@
 
 import re
 import sys
+import tempfile
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -268,3 +269,67 @@ def test_commands_take_home_and_actuators(tmp_path: Path, monkeypatch: pytest.Mo
     for options in (("--home", "1.9,1.2"), ("--home", "home"), ("--actuators", "ml,mr")):
         np.testing.assert_allclose(predicted(*options), plain, rtol=0, atol=1e-12)
     assert np.abs(predicted("--actuators", "mr,ml") - plain).max() > 1e-2
+
+
+@pytest.mark.parametrize("limit", [(5.0, 8.0), (0.0, 3.0)])
+def test_ranges_of_passive_joints_may_be_half_a_turn_or_more_from_zero(limit: tuple[float, float]) -> None:
+    """A crank of 0.5 m and a rod of 1 m, whose slide is 1.5 m from the crank's axis, or 0.5 m with the rod turned back."""
+    parts = (
+        joint("a", "base", "crank", kind="continuous"),
+        joint("b", "crank", "rod", "0.5 0 0", limit=(3.3, 9.0) if limit[0] == 0.0 else (-1.0, 1.0)),
+        joint("s", "base", "slide", f"{-limit[0]} 0 0", "1 0 0", kind="prismatic", limit=limit),
+        loop("rod", "1 0 0", "slide", "0 0 0"),
+        own(["a"], "slide"),
+    )
+    with pytest.warns(GtpinWarning, match="nearest to zero"):
+        robot = loaded_text(urdf("crank", *parts))
+    home = robot.home_coordinates
+    assert home["s"] == pytest.approx(1.5 + limit[0], abs=1e-9)
+    assert home["b"] == pytest.approx(2.0 * np.pi if limit[0] == 0.0 else 0.0, abs=1e-9)
+    q = 0.3
+    expected = 0.5 * np.cos(q) + np.sqrt(1.0 - (0.5 * np.sin(q)) ** 2)
+    assert robot.forward([q]).T[0] == pytest.approx(expected, abs=1e-12)
+
+
+def loaded_text(text: str) -> gtpin.Robot:
+    with tempfile.TemporaryDirectory() as folder:
+        return gtpin.load_robot(written(Path(folder), text, "robot.urdf"))
+
+
+def test_a_robot_with_a_given_home_warns_once(tmp_path: Path) -> None:
+    arm = urdf("arm", joint("a", "base", "left"), joint("b", "base", "right"))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        gtpin.load_robot(written(tmp_path, arm, "robot.urdf"), home=[0.1, 0.2])
+    texts = [str(one.message) for one in caught]
+    assert len([text for text in texts if "names no TCP" in text]) == 1
+
+
+def slider_crank(home: str = "") -> str:
+    return urdf(
+        "crank",
+        joint("a", "base", "crank", limit=(0.1, 2.36913578)),
+        joint("b", "crank", "rod", "0.5 0 0", limit=3.0),
+        joint("s", "base", "slide", "0 0 0", "1 0 0", kind="prismatic", limit=3.0),
+        loop("rod", "1 0 0", "slide", "0 0 0"),
+        own(["a"], "slide", home),
+    )
+
+
+@pytest.mark.parametrize("home", ["", '<home><joint name="a" value="1.2"/><joint name="s" value="-0.1"/></home>'])
+def test_an_exported_urdf_keeps_the_home_that_was_chosen(home: str, tmp_path: Path) -> None:
+    with pytest.warns(GtpinWarning, match="closed posture nearest to"):
+        robot = loaded_text(slider_crank(home))
+    geometry = gtpin.Geometry.nominal(robot)
+    text = gtpin.Model(geometry.with_values(geometry.values + 1e-4)).kinematics.urdf()
+    assert text.count("<home") == 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", GtpinWarning)
+        again = gtpin.load_robot(written(tmp_path, text, "out.urdf"))
+    np.testing.assert_allclose(again.home_q, robot.home_q, rtol=0, atol=1e-9)
+    assert again.home_coordinates["s"] == pytest.approx(robot.home_coordinates["s"], abs=1e-2)
+
+
+def test_two_homes_are_refused() -> None:
+    with pytest.raises(RobotError, match="two <home> elements; keep one"):
+        RobotDescription.parse(slider_crank('<home q="1" tcp_xyz="1 0 0" tcp_rotvec="0 0 0"/>' * 2))

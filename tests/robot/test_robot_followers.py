@@ -106,3 +106,19 @@ def test_a_mimic_of_a_fixed_joint_is_as_if_it_was_not_there() -> None:
 def test_a_follower_can_not_be_commanded() -> None:
     with pytest.raises(RobotError, match="follows a by <mimic>; name a"):
         with_actuators(robot_of("m", *SERIES).description, ["z"])
+
+
+@pytest.mark.parametrize(("multiplier", "whole"), [("2", True), ("-1", True), ("0.5", False)])
+def test_inverse_kinematics_take_off_whole_turns_only_where_the_followers_turn_so_too(
+    multiplier: str, whole: bool
+) -> None:
+    geared = joint("f", "1", "2", "1 0 0", kind="continuous", inside=f'<mimic joint="a" multiplier="{multiplier}"/>')
+    reach = joint("s", "2", "3", "0.5 0 0", "1 0 0", kind="prismatic", limit=0.3)
+    robot = robot_of("m", joint("a", "base", "1", kind="continuous"), geared, reach)
+    assert robot.endless.tolist() == [whole, False]
+    q = np.column_stack([np.linspace(-6.0, 6.0, 25), np.full(25, 0.1)])
+    poses = robot.forward(q)
+    for start in (robot.home_q, q, q + np.array([2.0 * np.pi if whole else 0.02, 0.0])):
+        found = robot.inverse(poses.T, start=start)
+        np.testing.assert_allclose(robot.forward(found).T, poses.T, rtol=0, atol=1e-10)
+        assert not whole or np.abs(found - start)[:, 0].max() <= np.pi

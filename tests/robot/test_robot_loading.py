@@ -163,6 +163,7 @@ SPOILT = {
 }  # fmt: skip
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("what", SPOILT)
 def test_what_is_no_robot_is_refused_in_one_line_with_nothing_printed(what: str, refused: Refused) -> None:
     assert SPOILT[what] != GANTRY

@@ -94,6 +94,7 @@ def test_a_follower_that_moves_absurdly_far_is_refused_with_the_joint(tmp_path: 
         loaded(tmp_path, follower)
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_a_robot_of_absurd_size_is_refused_with_the_joint(tmp_path: Path) -> None:
     with pytest.raises(RobotError, match=r"joint j2 is .*e\+199 m from the base"):
         loaded(tmp_path, ARM.replace("0.2 0 0.3", "1e200 0 0.3"))

@@ -20,6 +20,7 @@ from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data import Dataset
 from gtpin.data.duplicates import command_steps, with_rounding
+from gtpin.data.plausible import named_poses
 from gtpin.data.sane import sane_rows
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.kinematics.poses import Poses
@@ -83,7 +84,9 @@ def settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
                 warn(f"{coarse}; give commands with more digits")
         if not settled.used.all():
             _check_set_aside(kept, measured, settled)
-            warn(f"set aside as gross errors: {kept.words_of(~settled.used)}")
+            counted = f"{np.count_nonzero(~settled.used):,} of {len(kept):,} rows, of "
+            several = len(set(kept.pose)) < len(kept)
+            warn(f"set aside as gross errors: {counted if several else ''}{named_poses(kept, ~settled.used)}")
         _check_fit(kept, settled, seen)
         found = _unstrained(*with_credible_noise(fit, settled)) if doubt else settled
         if doubt and coarse is None:

@@ -24,6 +24,7 @@ from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data import Dataset, check_commands
 from gtpin.data.files import warn_of
+from gtpin.data.plausible import named_poses
 from gtpin.data.sane import sane_rows
 from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
@@ -60,7 +61,7 @@ def usable_readings(given: Dataset, nominal: Model) -> tuple[Dataset, Mask, Data
         (poses.reached, reached, "check q1 .. qn"),
     ):
         if (usable & ~good).any():
-            warn(f"set aside, {why}: {whole.words_of(usable & ~good)}")
+            warn(f"set aside, {why}: {named_poses(whole, usable & ~good)}")
         usable &= good
         if not usable.any():
             raise DatasetError(what, file=whole.file, hint=hint)
@@ -128,7 +129,7 @@ def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
         for text in _off_together(readings, used, i):
             warn_of(readings.rows.files[i], text)
     if not used.all():
-        warn(f"set aside as gross errors: {kept.words_of(~used)}")
+        warn(f"set aside as gross errors: {named_poses(kept, ~used)}")
 
 
 def _off_together(readings: Readings, used: Mask, index: int) -> Iterator[str]:

@@ -130,7 +130,7 @@ def _write_touches(
         touches, output, robot, tcp=tcp, name=name, origin=origin, normal=normal, sigma=sigma, force=force
     )
     few = f"\n{rows} touches are few: a calibration needs about {ENOUGH}. Probe a mesh of 7 x 7."
-    _tell_written(rows, "touches", robot, output, as_json, few if rows < ENOUGH else "")
+    _tell_written(rows, "touches", robot, output, as_json, few if touches.bed and rows < ENOUGH else "")
 
 
 def _write_poses(
