@@ -25,6 +25,8 @@ from gtpin.commands.terminal import (
     written,
 )
 from gtpin.data import Commands
+from gtpin.errors import warn
+from gtpin.export.loss import assumed_tool
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
 from gtpin.output.results import results_folder
@@ -49,7 +51,10 @@ def sensitivity(
         results_folder(output, AccuracyPresentation.files, force=force) as folder,
         progress_of("sensitivity") as progress,
     ):
-        found = read_model(model, tcp=tcp, **chosen(actuators, home))
+        measured = read_model(model, tcp=tcp, **chosen(actuators, home))
+        for text in assumed_tool(measured):
+            warn(f"the model {text}")
+        found = measured.of_tool()
         q = None
         if poses is not None:
             given = Commands.read(poses, found.robot.n_actuators)

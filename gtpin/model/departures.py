@@ -35,6 +35,7 @@ class Departure:
     - ``determined``: whether the data determine it.
     - ``displacement``: (N, 3) displacement of the TCP by it, m, base frame. Where the pose of the instrument in the base
       frame is unknown, the rigid motion that fits best is subtracted.
+    - ``reversed``: whether it is a length ``a`` of a table in which it is negative: the link is shorter where it increases.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Departure:
     unit: str
     determined: bool
     displacement: Floats = field(repr=False, compare=False)
+    reversed: bool = False
 
     @property
     def position_rms(self) -> float:
@@ -89,7 +91,8 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
         name = f"{row.site}.{what}" if row.site in ("base", "tool") else f"{what}[{row.site}]"
         numbers = (row.correction, row.sigma, row.unit, row.determined)
         if row.site != "tool" or not target:
-            found.append(Departure(name, row.site, what, *numbers, J @ row.motion * row.correction))
+            moved = J @ row.motion * row.correction
+            found.append(Departure(name, row.site, what, *numbers, moved, row.name == "a" and row.nominal < 0.0))
     if not table:
         for name, unit, way, value, sigma in with_zeros(geometry, covariance):
             what, _, rest = name.partition("[")

@@ -7,7 +7,7 @@ import json
 import os
 import re
 import stat
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -34,9 +34,22 @@ def alone_in(folder: Path) -> set[str]:
     return {str(name) for name in names} if isinstance(names, list) else set()
 
 
+def other_results(folder: Path, names: Collection[str]) -> set[str]:
+    """Names of the files of results of other kinds in a folder of which a result with ``names`` would replace a part."""
+    touched = [one for one in results_in(folder) if one & set(names)]
+    there = [{name for name in one if os.path.lexists(folder / name)} for one in touched]
+    return set().union(*(one for one in there if one - set(names)))
+
+
 def part_of_others(path: Path) -> bool:
     """Whether gtpin wrote a file or folder as a part of a result, such as ``poses.csv`` of a dataset."""
     return os.path.lexists(path) and path.name in recorded(path.parent) and path.name not in alone_in(path.parent)
+
+
+def results_in(folder: Path) -> list[set[str]]:
+    """Of each result with a page in a folder, the names of its files; a dataset, which has none, is no result."""
+    results = _marker_content(folder).get("results")
+    return [{str(name) for name in one} for one in results] if isinstance(results, list) else []
 
 
 def _marker_content(folder: Path) -> dict[str, Any]:
@@ -48,10 +61,13 @@ def _marker_content(folder: Path) -> dict[str, Any]:
     return content if isinstance(content, dict) and content.get("schema") == SCHEMA else {}
 
 
-def mark(folder: Path, others: Record | None = None, alone: Collection[str] = ()) -> None:
+def mark(
+    folder: Path, others: Record | None = None, alone: Collection[str] = (), results: Sequence[Collection[str]] = ()
+) -> None:
     """Write the markers of a folder that gtpin has filled, and of all folders in it.
 
     ``others``: entries that will be added to the folder later. ``alone``: names of files that are single results.
+    ``results``: of each result with a page, the names of its files.
     """
     entries: Record = {}
     for entry in sorted(folder.iterdir()):
@@ -65,6 +81,8 @@ def mark(folder: Path, others: Record | None = None, alone: Collection[str] = ()
         content: dict[str, Any] = {"schema": SCHEMA, "entries": entries}
         if alone:
             content["alone"] = sorted(alone)
+        if results:
+            content["results"] = [sorted(names) for names in results]
         text = json.dumps(content, indent=1) + "\n"
         (folder / MARKER).write_text(text, encoding="utf-8")
 
@@ -104,9 +122,13 @@ def refuse_foreign(
 ) -> None:
     """Raise an error where results would replace files that gtpin has not written.
 
-    With ``alone`` (each file is a single result), also where one would replace a part of another result. With ``force``, only
-    for what is neither a file, a folder nor a link: a device can't be renamed.
+    With ``alone`` (each file is a single result), also where one would replace a part of another result; else where it would
+    replace a part of a result of another kind: what is left of that would be taken for its own. With ``force``, only for what
+    is neither a file, a folder nor a link: a device can't be renamed.
     """
+    names = list(names)
+    if not alone and not force and (others := sorted(other_results(folder, names) - set(names))):
+        raise kind(f"another result is here ({', '.join(others)})", file=folder, hint=FORCE)
     for name in names:
         found = foreign(folder / name)
         if found is None:

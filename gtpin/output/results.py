@@ -35,13 +35,14 @@ def results_folder(
 
     ``target``: folder of the results; made where it is missing. Other files in it are not changed. ``names``: names of all
     files and folders that the results can have. Those that gtpin wrote itself are replaced. ``force``: rename files with
-    these names that gtpin did not write, or that were changed since (``NAME.old-1``). ``kind``: class of the error.
+    these names that gtpin did not write, or that were changed since (``NAME.old-1``), and the whole of a result of another
+    kind of which a part would be replaced. ``kind``: class of the error.
     ``key``: name of the part of the folder that is written: runs with other keys can write into it at the same time.
     ``shown``: path that errors name, where it is not the folder. ``alone``: whether each file is a single result; it then
     does not replace a part of another result, such as a dataset.
 
-    Raises `GtpinError` if, before the block begins, a file that gtpin did not write has one of the names; another run is
-    writing there; or the folder can't be written.
+    Raises `GtpinError` if, before the block begins, a file that gtpin did not write, or a part of a result of another kind, has
+    one of the names; another run is writing there; or the folder can't be written.
     """
     # A relative path may begin with ~, which some libraries expand to the home folder; an absolute path does not.
     given, target = target, target.absolute()

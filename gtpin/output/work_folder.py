@@ -17,7 +17,18 @@ from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 
 from gtpin.errors import GtpinError
-from gtpin.output.ownership import MARKER, alone_in, aside, foreign, mark, part_of_others, recorded, refuse_foreign
+from gtpin.output.ownership import (
+    MARKER,
+    alone_in,
+    aside,
+    foreign,
+    mark,
+    other_results,
+    part_of_others,
+    recorded,
+    refuse_foreign,
+    results_in,
+)
 
 NEW, READY, OLD = "new", "ready", "old"
 
@@ -36,7 +47,7 @@ def place(work: Path, folder: Path, names: Collection[str], force: bool, alone: 
     """Move the content of ``new/`` into a folder: all of it, or nothing where that fails.
 
     Files with ``names`` that gtpin wrote itself are replaced, or deleted where ``new/`` does not have them. Other files with
-    these names are renamed with ``force``; with ``alone``, so are parts of other results.
+    these names are renamed with ``force``; with ``alone``, so are parts of other results, else whole results of other kinds.
 
     Raises `GtpinError` if, without ``force``, a file with one of ``names`` was not written by gtpin. `OSError` if the
     folder can't be written.
@@ -44,12 +55,16 @@ def place(work: Path, folder: Path, names: Collection[str], force: bool, alone: 
     written = os.listdir(work / NEW)
     going = {*names, *written} - {MARKER}
     refuse_foreign(folder, [*sorted(going), MARKER], force, alone=alone)
-    others = {name: digest for name, digest in recorded(folder).items() if name not in going}
-    mark(work / NEW, others, (alone_in(folder) & set(others)) | (going if alone else set()))
+    replaced = set() if alone else other_results(folder, going)  # with force
+    others = {name: digest for name, digest in recorded(folder).items() if name not in going | replaced}
+    kept = [one for one in results_in(folder) if alone or not one & going]
+    page = not alone and any(name.endswith(".html") for name in going)
+    results = [*kept, going] if page else kept
+    mark(work / NEW, others, (alone_in(folder) & set(others)) | (going if alone else set()), results)
     os.replace(work / NEW, work / READY)
     moves: list[Move] = []
     try:
-        _move(work, folder, going - set(written), force, moves, alone)
+        _move(work, folder, (going | replaced) - set(written), force, moves, alone, replaced)
     except BaseException:
         for start, end in reversed(moves):
             os.replace(end, start)
@@ -72,13 +87,21 @@ def _emptied(work: Path) -> None:
     (work / READY).rmdir()
 
 
-def _move(work: Path, folder: Path, gone: Iterable[str], force: bool, moves: list[Move], alone: bool = False) -> None:
+def _move(
+    work: Path,
+    folder: Path,
+    gone: Iterable[str],
+    force: bool,
+    moves: list[Move],
+    alone: bool = False,
+    replaced: Collection[str] = (),
+) -> None:
     (work / OLD).mkdir(exist_ok=True)
     # The marker last: until then the old one lists the old results that may be replaced.
     for name in [*gone, *sorted(os.listdir(work / READY), key=lambda name: (name == MARKER, name))]:
         there, ready = folder / name, work / READY / name
         if os.path.lexists(there):
-            own = foreign(there) is None and not (alone and part_of_others(there))
+            own = foreign(there) is None and not (alone and part_of_others(there)) and name not in replaced
             if not own and not force:
                 continue
             try:

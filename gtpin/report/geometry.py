@@ -37,12 +37,14 @@ WORDS = {
 
 def departure_words(one: Departure) -> str:
     """A parameter in words, else its name."""
+    if one.reversed:
+        return f"length |a| of {one.site}"
     return WORDS.get(one.name if one.site in ("base", "tool") else one.what, one.name).format(site=one.site)
 
 
 def change_words(one: Departure) -> str:
-    """The change of a parameter with its sigma; of the zero of a turning joint in degrees."""
-    value, sigma, unit = one.value, one.sigma, one.unit
+    """The change of a parameter with its sigma; of the zero of a turning joint in degrees, of a link its length."""
+    value, sigma, unit = -one.value if one.reversed else one.value, one.sigma, one.unit
     if one.what == "zero" and unit == "rad":
         value, sigma, unit = float(np.rad2deg(value)), float(np.rad2deg(sigma)), "°"
     return f"{'+' if value > 0.0 else ''}{quantity(value, unit, sigma)}"

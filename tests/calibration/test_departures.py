@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from monte_carlo import assert_chi2
 from scipy.spatial.transform import Rotation
@@ -10,6 +11,7 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.data import InstrumentSection
 from gtpin.model.departures import departures, size_of
+from gtpin.report.geometry import change_words, departure_words
 
 FIVE_BAR = str(Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf")
 pytestmark = pytest.mark.filterwarnings("ignore:parameters more than", "ignore:the nominal model is not")  # as is meant
@@ -94,3 +96,25 @@ def test_sigmas_of_a_zero_hold_and_others_are_not_named() -> None:
     assert len(z) >= 25
     assert len(named) - len(z) <= 5  # one joint in twenty
     assert_chi2(float(np.sum(np.square(z))), len(z))
+
+
+def test_a_link_that_is_shorter_is_told_as_shorter_where_the_table_has_its_length_negative() -> None:
+    robot, rng = gtpin.load_robot("ur10"), np.random.default_rng(1)
+    real = pin.buildModelFromXML(robot.description.xml)
+    elbow, data, short = real.getJointId("elbow_joint"), real.createData(), 1e-3
+    at = real.jointPlacements[elbow].translation.copy()
+    at[np.argmax(np.abs(at))] -= short * np.sign(at[np.argmax(np.abs(at))])
+    real.jointPlacements[elbow].translation = at
+    q, T = rng.uniform(-1.5, 1.5, (60, 6)), []
+    for row in q:
+        pin.framesForwardKinematics(real, data, row)
+        T.append(data.oMf[real.getFrameId("tool0")].translation + NOISE * rng.standard_normal(3))
+    section = InstrumentSection(frame="robot", position_sigma=NOISE)
+    calibration = gtpin.calibrate(
+        gtpin.Dataset("ur10", [str(i) for i in range(60)], q, np.array(T), instrument=section)
+    )
+    first = departures(calibration.model, q)[0]
+    assert first.name == "a[shoulder_lift_joint]"
+    assert departure_words(first) == "length |a| of shoulder_lift_joint"
+    assert abs(first.value - short) < 4.0 * first.sigma  # the table has a = -0.612 m
+    assert change_words(first).startswith(("−", "-"))

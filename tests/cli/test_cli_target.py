@@ -168,6 +168,20 @@ def test_the_table_of_an_arm_and_its_report_have_no_correction_of_the_tool(machi
     assert "the data say nothing of the tool" in " ".join(report.split())
 
 
+def test_the_expected_error_of_the_machine_is_that_of_its_tool_as_far_as_it_is_known(
+    machine: Machine, tmp_path: Path
+) -> None:
+    ran = called("sensitivity", machine.folder / "calibrated", "-o", tmp_path / "accuracy", "--json")
+    assert ran.code == 0, ran.err
+    assert "the model has the tool, tool0, where the robot's own file has it" in ran.err
+    q, _, _ = corrected(machine)
+    file = tmp_path / "robot.urdf"
+    machine.exported(file)
+    read = pin.buildModelFromUrdf(str(file))
+    true, found = (np.array([M.translation for M in machine.tools(one, q)]) for one in (machine.real, read))
+    assert off(found, true) < 2.0 * json.loads(ran.out)["expected"]["position"]["mean"]
+
+
 def test_an_sdf_has_the_tool_where_the_robots_file_has_it_and_the_target_71_mm_off(machine: Machine) -> None:
     file = machine.folder / "robot.sdf"
     assert "the target sat at" in machine.exported(file)

@@ -137,7 +137,9 @@ def _write_poses(
     dataset: Dataset, output: Folder, robot: RobotName, force: Force = False, as_json: AsJson = False
 ) -> None:
     replace(dataset, robot=seen_from(robot, output)).write(output, force=force)
-    _tell_written(len(dataset), "measured poses", robot, output, as_json)
+    assumed = "\nThe target is taken to be at the robot's TCP: if it sits elsewhere, move the TCP of the URDF there."
+    at_tcp = dataset.instrument.target == "tcp"
+    _tell_written(len(dataset), "measured poses", robot, output, as_json, assumed if at_tcp else "")
 
 
 def _tell_written(rows: int, what: str, robot: str, dataset: Path, as_json: bool, more: str = "") -> None:
