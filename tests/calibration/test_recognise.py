@@ -94,7 +94,7 @@ MISTAKES = {
     "inches": (in_units(0.0254), "x y z look like inches; multiply x, y and z by 0.0254"),
     "feet": (in_units(0.3048), "x y z look like feet; multiply x, y and z by 0.3048"),
     "yards": (in_units(0.9144), "x y z look like yards"),
-    "millimetres": (in_units(0.001), "looks like millimetres"),
+    "millimetres": (in_units(0.001), "x y z look like millimetres; multiply x, y and z by 0.001"),
     "z in millimetres": (in_units(0.001, axes=(2,)), "z looks like millimetres beside metres; multiply z by 0.001"),
     "x reversed": (along(-1, 2, 3), "x looks reversed; change the sign of x"),
     "y reversed": (along(1, -2, 3), "y looks reversed"),
