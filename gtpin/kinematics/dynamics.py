@@ -165,7 +165,8 @@ def rod_ends(robot: Chain, here: Here) -> tuple[Floats, Floats]:
     """(N, k, 3) joints of the rods on the platform, and (N, k, 3) those on their carriers, base frame, m."""
     loops = [body.loop for body in robot.rod_bodies]
     on_platform = here.oMi[:, [body.root for body in robot.rod_bodies], 9:]
-    return on_platform.reshape(len(here), -1, 3), here.p.transpose(2, 0, 1)[:, loops].reshape(len(here), -1, 3)
+    shape = (len(here), len(loops), 3)
+    return on_platform.reshape(shape), here.p.transpose(2, 0, 1)[:, loops].reshape(shape)
 
 
 def _axial(robot: Chain, here: Here, pulled: Floats, outer: Floats | None) -> Floats:
