@@ -54,8 +54,8 @@ class CalibrationPresentation(FitPresentation):
         tone, badge, headline, advice = _verdict(c)
         return Lead(
             f"{self.title} · {len(c.names)} parameters from {c.poses} measurements",
-            "\n".join(filter(None, (geometry_line(found), headline, *elsewhere(c)))),
-            advice,
+            "\n".join(filter(None, (geometry_line(found), headline))),
+            [*advice, *elsewhere(c)],
             _numbers(c),
             badge,
             tone,

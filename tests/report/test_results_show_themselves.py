@@ -20,7 +20,7 @@ from gtpin.report import figure as figures
 pytestmark = pytest.mark.slow  # a diagnosis, a comparison of models
 
 RESULTS = ("dataset", "poses", "calibration", "diagnosis", "accuracy", "comparison")
-LINES, LETTERS = 8, 800
+LINES, LETTERS = 8, 700
 """A short form: lines, and letters."""
 
 
