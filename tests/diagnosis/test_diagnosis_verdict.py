@@ -1,5 +1,9 @@
 """Verdicts on machines whose faults are known: silent, right, or honest about not knowing."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from diagnosed import LARGE, classes, machine, quietly, said
@@ -159,23 +163,32 @@ def test_every_effect_at_every_site_is_considered_once(seed, effect):
 
 
 @pytest.mark.parametrize(
-    ("shares", "sure", "stays"),
+    ("shares", "sure", "stays", "likely"),
     [
-        ((0.99, 0.005), True, True),
-        ((0.9, 0.1), False, True),
-        ((0.005, 0.99), False, False),  # another leads
-        ((0.6, 0.1), False, True),  # a smooth term has the rest
-        ((0.49, 0.48), False, False),
+        ((0.99, 0.005), True, True, []),
+        ((0.9, 0.1), False, True, []),
+        ((0.005, 0.99), False, False, [1]),  # another leads
+        ((0.6, 0.1), False, True, []),  # a smooth term has the rest
+        ((0.49, 0.48), False, False, []),
     ],
 )
-def test_a_cause_is_sure_where_it_leads_its_class_and_stays_beside_an_unknown_where_it_has_half(shares, sure, stays):
+def test_a_cause_is_sure_where_it_leads_its_class_and_stays_beside_an_unknown_where_it_has_half(
+    shares, sure, stays, likely
+):
     cause, other = (Hypothesis(effect, "cart1") for effect in gtpin.catalogue()[:2])
     members = sorted(
         (ClassMember(h, p) for h, p in zip((cause, other), shares, strict=True)), key=lambda m: -m.probability
     )
-    found = Conclusion(NOTHING, {cause: tuple(members)}, (), {})
+    found = Conclusion(replace(NOTHING, terms=(cause,)), {cause: tuple(members)}, (), {})
     assert found.sure() == ([cause] if sure else [])
     assert found.beside_unknown() == ([cause] if stays else [])
+    points = SimpleNamespace(robot=gtpin.load_robot("gantry_tau"))
+    hypotheses: Any = SimpleNamespace(
+        only=lambda model, _: model, groups=None, design=SimpleNamespace(operating_points=points)
+    )
+    beside = found.named_beside_unknown(hypotheses)
+    assert list(beside.classes) == ([cause] if stays else [])
+    assert beside.likely == tuple((cause, other)[i].place for i in likely)
     assert found.verdict == ("explained" if sure else "ambiguous")
 
 
