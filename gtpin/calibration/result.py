@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 WORSE = 1.05
-"""Error of the calibrated robot over that of the nominal one from which the fit is told to be worse. Assumed: noise, which a
+"""Error of the calibrated robot over that of the nominal one from which the fit counts as worse. Assumed: noise, which a
 fit divides otherwise between positions and orientations, changes less."""
 CORRELATED = 0.7
 """Smallest absolute correlation of two parameters that is listed."""

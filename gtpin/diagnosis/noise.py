@@ -276,7 +276,7 @@ class ShownNoise:
     ``noise``: declared sigmas, and repeatability and undeclared sigmas from visits. ``most``: the same with the
     largest repeatability that the visits allow. ``source``: ``declared``, ``repeats``, or ``residuals`` where a sigma was
     neither declared nor shown by visits: an assumption. ``visits``: number of repeated visits, beyond the first of each pose.
-    ``contradicted``: whether the visits scatter otherwise than the declared noise and drives do: with other sigmas, a fifth
+    ``contradicted``: whether the visits scatter by more than the declared noise and drives allow: with other sigmas, a fifth
     larger at least, their scatter is much likelier. Something then changes between visits.
     """
 

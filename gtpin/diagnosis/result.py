@@ -648,7 +648,7 @@ class HealthCheck(Findings, Shown):
         changed.
     unexplained_before
         What the earlier model left unexplained of the data that it was fitted to. It is a part of the uncertainty of what the
-        model predicts, so that changes that are smaller can't be told from it.
+        model predicts, so that smaller changes can't be distinguished from it.
     noise_known
         Whether the noise was declared, or shown by repeated visits. Otherwise the noise floor of ``gap`` is what was left of
         the earlier model's fit.

@@ -20,7 +20,7 @@ from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
 NEARLY_SINGULAR = 10.0
-"""Ratio of a posture's amplification to that of home, above which a path that ends there is told as near a singularity."""
+"""Ratio of a posture's amplification to that of home, above which a path that ends there counts as near a singularity."""
 
 
 class ClosedPosture:

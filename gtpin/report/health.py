@@ -74,7 +74,7 @@ class HealthCheckPresentation(Presentation):
             *([changes.printed()] if c.causes else []),
             *advice(c),
             power_words(c),
-            f"{untested} of {len(c.candidates)} candidates can't be told by these poses; the report gives the reasons.",
+            f"{untested} of {len(c.candidates)} candidates can't be tested with these poses; the report gives the reasons.",
         )
 
     def table(self) -> pd.DataFrame:
@@ -231,7 +231,7 @@ def advice(check: HealthCheck) -> list[str]:
             visible = f"{known}: declare it, or repeat visits, and calibrate again."
         found.append(
             f"The earlier model did not explain its own data: {joined(parts)} per axis were left between poses, and count as a "
-            f"part of its uncertainty. Changes that are smaller can't be told. {visible}"
+            f"part of its uncertainty. Smaller changes can't be detected. {visible}"
         )
     for cause in check.causes:
         effect = check.effect(cause.effect)

@@ -38,7 +38,7 @@ or more, but the closures are exact at home, and a joint that is not needed has 
 CLEAR = 1e-2
 """Such a ratio at a posture whose loops are closed to some millimetres, above which all passive motions are determined."""
 TELLING = 1e-2
-"""Change of the home commands, m and rad, by which a singularity at home is told from a motion that is never determined."""
+"""Change of the home commands, m and rad, that distinguishes a singularity at home from a motion that is never determined."""
 NEGLIGIBLE = 0.05
 """Smallest weight of a joint that is named."""
 
@@ -114,8 +114,8 @@ def _without_redundant(robot: ConstrainedModel, configuration: Floats, notes: li
     """Leave loops open across the motions of their anchors, where they have more equations than motions.
 
     Of a planar or spherical linkage one equation of each loop holds by its exact geometry alone. Numbers of a file are
-    rounded: the loop is then closed in the sense of least squares, and in all other directions exactly. ``notes`` is told of a
-    gap that is left.
+    rounded: the loop is then closed in the sense of least squares, and in all other directions exactly. ``notes`` gets a
+    message of a gap that is left.
 
     Returns the configuration and the largest gap in the remaining equations, m.
     """
@@ -137,7 +137,7 @@ def _without_redundant(robot: ConstrainedModel, configuration: Floats, notes: li
 
 
 def _check_frames(robot: ConstrainedModel, configuration: Floats, gap: float, notes: list[str]) -> None:
-    """Refuse frames of loops of type ``fixed`` whose points stay open by a gap, m; ``notes`` is told of angles left."""
+    """Refuse frames of loops of type ``fixed`` whose points stay open by a gap, m; ``notes`` gets the angles that are left."""
     if gap > tolerance(robot):
         what = (
             f"the frames of the loops of {robot.name} don't meet: {gap:.3g} m is the smallest gap found of their points"
@@ -203,7 +203,7 @@ def _nearest(robot: ConstrainedModel, start: Floats, notes: list[str]) -> Floats
     """The closed configuration whose passive coordinates are nearest to those of ``start``, of several that are found.
 
     Those with joints outside their ranges are taken only where there is no other. Of mirrored ones the same is taken whatever
-    the file's last digits are. ``notes`` is told which one it is.
+    the file's last digits are. ``notes`` gets which one it is.
     """
     rng = np.random.default_rng(0)
     found = list[tuple[Floats, float, Floats]]()
@@ -355,7 +355,7 @@ def _largest_gap(robot: ConstrainedModel, configuration: Floats) -> float:
 def _undetermined(robot: ConstrainedModel, home: Floats, notes: list[str]) -> Floats:
     """(n_passive, k) orthonormal basis of the passive motions, m and rad, that leave all loops closed with the commands fixed.
 
-    Where they do not move the TCP, ``notes`` is told their joints.
+    Where they do not move the TCP, ``notes`` gets their joints.
 
     ``home``: (nq,) configuration at home, with closed loops.
 
