@@ -38,7 +38,7 @@ def measured(block: Block, count: int) -> tuple[list[dict[str, float]], list[str
     other = block.model_copy(update={"seed": block.seed + OTHER, "cases": 2 * count})
     rows: list[dict[str, float]] = []
     labels: list[str] = []
-    for draft in [draft for draft in other.drafts(FILE.parent) if draft.kind in KINDS][:count]:
+    for draft in [draft for draft in other.drafts(FILE.parent, ()) if draft.kind in KINDS][:count]:
         with tempfile.TemporaryDirectory() as place, warnings.catch_warnings():
             warnings.simplefilter("ignore")
             make(draft, Path(place))

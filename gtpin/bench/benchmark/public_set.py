@@ -39,11 +39,11 @@ class Block(BaseModel, frozen=True):
         """The robot's name, or the path of its URDF file in the set's folder."""
         return str(folder / self.robot) if self.robot.endswith(".urdf") else self.robot
 
-    def drafts(self, folder: Path) -> Iterator[Draft]:
-        """The block's cases; ``folder`` holds the set's URDF files."""
+    def drafts(self, folder: Path, without: Collection[str]) -> Iterator[Draft]:
+        """The block's cases; ``folder`` holds the set's URDF files, ``without`` names effects that are newer than the set."""
         robot = self.reference(folder)
         kinds = (self.instrument,) if self.instrument else ()
-        for number, draft in enumerate(drafts(self.cases, self.seed, robot, kinds)):
+        for number, draft in enumerate(drafts(self.cases, self.seed, robot, kinds, without=without)):
             yield replace(draft, name=f"{self.name}-{number:02d}")
 
 
@@ -62,6 +62,7 @@ class PublicSet(BaseModel, frozen=True):
 
     schema_: Annotated[str, Field(alias="schema", pattern=f"^{SCHEMA}$")]
     plant: str  # Digest of the plant's sources that made the set first
+    without: tuple[str, ...] = ()  # Effects that the catalogue had not when the set was published
     blocks: tuple[Block, ...]  # The cases, by machine and instrument
     cases: dict[str, Published]  # What is published of each case, by its name
 
@@ -85,7 +86,7 @@ class PublicSet(BaseModel, frozen=True):
 
     def drafts(self, folder: Path = FILE.parent) -> dict[str, Draft]:
         """All cases to be made, by name."""
-        return {draft.name: draft for block in self.blocks for draft in block.drafts(folder)}
+        return {draft.name: draft for block in self.blocks for draft in block.drafts(folder, self.without)}
 
 
 CASES, TRUTHS = "cases", "truths"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -132,16 +132,20 @@ class Draft:
     instruments: tuple[str, ...] = ()
 
 
-def drafts(cases: int, seed: int, robot: str = ROBOT, instruments: tuple[str, ...] = ()) -> Iterator[Draft]:
+def drafts(
+    cases: int, seed: int, robot: str = ROBOT, instruments: tuple[str, ...] = (), *, without: Collection[str] = ()
+) -> Iterator[Draft]:
     """The cases of a check; a larger check of the same seed begins with the cases of a smaller one.
 
     Kinds have their shares in any sequence of cases. Single effects are used in turn, so that each has about as many cases.
     The simulator draws sites, energies, poses, measurement conditions and the effects' shapes. Effects are those that the
-    robot's parts can have.
+    robot's parts can have, less those named in ``without``: effects that are newer than a published set.
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
     parts = known_robot(robot)
-    listed, unlisted = ([kind.name for kind in kinds(parts)] for kinds in (listed_kinds, unlisted_kinds))
+    listed, unlisted = (
+        [kind.name for kind in kinds(parts) if kind.name not in without] for kinds in (listed_kinds, unlisted_kinds)
+    )
     edges = np.cumsum(list(SHARES.values()))
     start = rng.random()
     turns: dict[Kind, list[str]] = {
