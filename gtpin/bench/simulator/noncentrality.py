@@ -202,7 +202,8 @@ def weak_others(
 ) -> tuple[list[tuple[Cause, float]], float]:
     """Some weak effects, with their amplitudes, and their joint E; ``taken``: effects and sites of the strong ones."""
     causes, shares, displaced = [], [], []
-    robot, kinds = response.machine.robot, listed(response.machine.robot)
+    robot = response.machine.robot
+    kinds = [one for one in listed(robot) if one.weak]
     for i in rng.choice(len(kinds), size=int(rng.integers(MANY[0], MANY[1] + 1)), replace=False):
         site = str(rng.choice(kinds[i].sites(robot)))
         if (kinds[i].name, site) in taken:
