@@ -79,7 +79,7 @@ class Groups(Generic[K]):
 
         Raises `ValueError` if there already is a group with this key.
         """
-        self._new(term, core)
+        self._new(term, tuple(i for i in core if i < columns.shape[1]))
         self._columns[term] = columns
         self._half[term] = self.marginal.half(columns)
         self._moment[term] = columns.T @ self.y - self._half[term].T @ self._half_y
@@ -162,7 +162,7 @@ def best_scales(
     shrunk = s2 / (1.0 + s2 * values)
     gain = 0.5 * (shrunk * along**2 - np.log1p(s2 * values)).sum(axis=2)
     gain -= 0.5 * (np.log(SCALES)[:, None] / priors.scale_spread) ** 2
-    own = [i for i in core if i < values.shape[1]]
+    own = list(core)
     if own:
         part = vectors[:, own]
         mean = np.einsum("sfj,ksj->ksf", part, shrunk * along, optimize=True)

@@ -205,7 +205,7 @@ def _under(design: Design, hypothesis: Hypothesis, spells: list[OperatingPoints]
     """An effect's displacements, and those that a payload in each interval of time adds to its core."""
     effect, site = hypothesis.effect, hypothesis.site
     plain = design.columns(effect.basis(design.operating_points, site))
-    core = list(effect.core) or list(range(plain.shape[1]))
+    core = [i for i in effect.core or range(plain.shape[1]) if i < plain.shape[1]]
     more = [design.columns(effect.basis(at, site))[:, core] - plain[:, core] for at in spells]
     return np.hstack([plain, *more])
 

@@ -131,7 +131,7 @@ class Effect(ABC):
     core: tuple[int, ...] = ()
     """Indices of the columns of B that are its core. The other columns are its modulation (a backlash that varies along the
     track). Where the core's coefficients are much smaller than the scale s, the effect is not named: a modulation alone is not
-    this effect. If empty, all columns are the core."""
+    this effect. If empty, all columns are the core. Indices that a site's columns do not reach are not there."""
     plausible: ClassVar[Mapping[str, ParameterRange]] = {}
     """By parameter, the range that physics allows. A cause with a parameter outside its range by more than three standard
     deviations is dropped."""
