@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
@@ -111,6 +111,15 @@ class Fit(Generic[P]):
         return float(len(self.information) - np.diag(self.covariance) @ self.problem.prior)
 
 
+class FlatValley(ConvergenceError):
+    """A fit that has not converged, and whose cost hardly falls any more; ``fit`` is its last iterate."""
+
+    def __init__(self, fit: Fit[Any]) -> None:
+        what = f"the fit has not converged in {MAX_ITERATIONS} steps, and its cost hardly falls any more"
+        super().__init__(what, hint=_HINT)
+        self.fit = fit
+
+
 def fit(
     problem: P,
     weigh: Callable[[Floats], Floats],
@@ -136,7 +145,7 @@ def fit(
     - ``inexact``: number of the first unknowns whose derivative leaves out small terms. Where no step lowers the cost and
       more than ``left_out`` is expected, the gradient by them is computed by central differences from there on.
 
-    Raises `ConvergenceError` if no minimum is found within `MAX_ITERATIONS` steps, and the cost still decreases.
+    Raises `ConvergenceError` if no minimum is found within `MAX_ITERATIONS` steps; `FlatValley` if the cost hardly falls then.
     """
     point = problem.point(np.zeros(problem.size) if x is None else x, near)
     if lost := np.count_nonzero(~point.poses.reached):
@@ -156,8 +165,10 @@ def fit(
             progress(iteration, float(np.sqrt((weight[:, None] * residual**2).mean())))
         costs.append(cost)
         creeps = len(costs) >= CREEPING and costs[-CREEPING] <= (1.0 + FLAT) * cost
-        if iteration >= enough or (iteration == MAX_ITERATIONS - 1 and creeps):
+        if iteration >= enough:
             return Fit(problem, point, residual, weight, information, iteration)
+        if creeps and iteration == MAX_ITERATIONS - 1:
+            raise FlatValley(Fit(problem, point, residual, weight, information, iteration))
         A, negligible = information + np.diag(problem.prior), max(ROUNDING * max(cost, 1.0), left_out)
         while True:
             step = _step(A, gradient, damping)

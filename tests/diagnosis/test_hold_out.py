@@ -111,13 +111,13 @@ def test_the_method_says_what_was_left_out():
 
 def test_only_where_there_is_one_session_the_interval_is_said_to_ignore_another_day():
     method = said(SEED, EFFECT).to_json()["gap"]["method"]
-    assert "another day" not in method
+    assert "between days" not in method
     data = machine(SEED, "backlash", "cart1").dataset
     only = {name: values for name, values in data.covariates.items() if name != "session"}
     one = gtpin.Dataset(data.robot, data.pose, data.q, data.position, data.orientation, covariates=only)
     found = gtpin.diagnose(one, hold_out="random")
     assert "poses drawn at random" in found.to_json()["gap"]["method"]
-    assert "the interval ignores what another day brings" in found.to_json()["gap"]["method"]
+    assert "the interval ignores changes between days" in found.to_json()["gap"]["method"]
 
 
 def of_days(seed: int, days: int = 4) -> tuple[Gap, float]:

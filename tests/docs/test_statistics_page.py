@@ -33,7 +33,8 @@ require(folder + "/render.js");
 console.log(JSON.stringify(shown));
 """
 """The page's own script, with elements in the place of a browser's: which equations are blocks. A wrong one is an error."""
-NO_CONSTANTS = {"site", "none", "explained", "ambiguous", "unknown", "station", "best_scales"}
+NO_CONSTANTS = {"site", "none", "explained", "ambiguous", "unknown", "station"}
+NO_CONSTANTS |= {"best_scales", "errors_beyond_noise", "least_sigma", "within_residuals"}
 """Words in code style that are values, columns or functions."""
 
 

@@ -89,7 +89,7 @@ def drawn_recipe(
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
     found = known_robot(robot)
-    kinds = unlisted(found) if unknown else listed(found)
+    kinds = [one for one in (unlisted(found) if unknown else listed(found)) if not one.newer]
     if effects is None:
         chosen = [kinds[i] for i in rng.choice(len(kinds), size=n_effects, replace=False)] if n_effects else []
         effects = [(k.name, None) for k in chosen]

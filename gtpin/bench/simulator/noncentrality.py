@@ -203,7 +203,7 @@ def weak_others(
     """Some weak effects, with their amplitudes, and their joint E; ``taken``: effects and sites of the strong ones."""
     causes, shares, displaced = [], [], []
     robot = response.machine.robot
-    kinds = [one for one in listed(robot) if one.weak]
+    kinds = [one for one in listed(robot) if not one.newer]
     for i in rng.choice(len(kinds), size=int(rng.integers(MANY[0], MANY[1] + 1)), replace=False):
         site = str(rng.choice(kinds[i].sites(robot)))
         if (kinds[i].name, site) in taken:

@@ -31,8 +31,8 @@ CATALOGUE = (
     CauseKind("thermal_track", "carts", with_rods.thermal_track, ("heat",)),
     CauseKind("tracker_drift", "frame", instrument.tracker_drift),
     CauseKind("frame_shift", "frame", instrument.frame_shift, ("session",)),
-    CauseKind("target_drift", "platform", instrument.target_drift, weak=False),
-    CauseKind("target_shift", "platform", instrument.target_shift, ("session",), weak=False),
+    CauseKind("target_drift", "platform", instrument.target_drift, newer=True),
+    CauseKind("target_shift", "platform", instrument.target_shift, ("session",), newer=True),
     CauseKind("tracker_scale", "frame", instrument.tracker_scale, largest=10.0),
     CauseKind("target_offset", "platform", instrument.target_offset, largest=5.0),
 )
@@ -66,8 +66,8 @@ ARM_CATALOGUE = (
     CauseKind("thermal_links", "arm", with_rods.thermal_links, ("heat",), largest=4.0),
     CauseKind("tracker_drift", "frame", instrument.tracker_drift),
     CauseKind("frame_shift", "frame", instrument.frame_shift, ("session",)),
-    CauseKind("target_drift", "platform", instrument.target_drift, weak=False),
-    CauseKind("target_shift", "platform", instrument.target_shift, ("session",), weak=False),
+    CauseKind("target_drift", "platform", instrument.target_drift, newer=True),
+    CauseKind("target_shift", "platform", instrument.target_shift, ("session",), newer=True),
     CauseKind("tracker_scale", "frame", instrument.tracker_scale, largest=6.0),
     CauseKind("target_offset", "platform", instrument.target_offset, largest=5.0),
 )
