@@ -168,7 +168,7 @@ def test_the_core_of_an_effect_is_its_largest_columns(name: str) -> None:
 
 def test_the_form_of_a_carts_compliance_is_what_its_parameters_name() -> None:
     size = len(basis("cart_compliance", "cart2", FIT))
-    named = {"along", "across_a", "across_b"}
+    named = {"along", "across_a", "across_b", "roll", "tip_a", "tip_b"}
     core = {
         column
         for column in range(size)
