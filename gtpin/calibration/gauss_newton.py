@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
@@ -30,6 +30,10 @@ on a real arm the first one gained 0.24 nats, and the next five at most 0.01 eac
 SLOW = 8
 """Number of steps after which a step is made longer while that lowers the cost. Where residuals are large, Gauss-Newton's
 curvature J'WJ can be a thousand times that of the cost, as of a free frame and target of a robot that rotates little."""
+CREEPING, FLAT = 100, 0.01
+"""Number of the last steps, and relative decrease of the cost in these, with which a fit that has not converged in all steps
+has found a flat valley: directions that the data do not determine. Assumed: a real arm whose commanded orientation never
+changes went from 0.8482 to 0.8454 in root mean square in 500 steps."""
 ROUNDING = 1e-6
 """Expected decrease, as a fraction of the cost, at which it has converged if no step lowers the cost: rounding errors."""
 
@@ -107,6 +111,15 @@ class Fit(Generic[P]):
         return float(len(self.information) - np.diag(self.covariance) @ self.problem.prior)
 
 
+class FlatValley(ConvergenceError):
+    """A fit that has not converged, and whose cost hardly falls any more; ``fit`` is its last iterate."""
+
+    def __init__(self, fit: Fit[Any]) -> None:
+        what = f"the fit has not converged in {MAX_ITERATIONS} steps, and its cost hardly falls any more"
+        super().__init__(what, hint=_HINT)
+        self.fit = fit
+
+
 def fit(
     problem: P,
     weigh: Callable[[Floats], Floats],
@@ -132,14 +145,14 @@ def fit(
     - ``inexact``: number of the first unknowns whose derivative leaves out small terms. Where no step lowers the cost and
       more than ``left_out`` is expected, the gradient by them is computed by central differences from there on.
 
-    Raises `ConvergenceError` if no minimum is found within `MAX_ITERATIONS` steps.
+    Raises `ConvergenceError` if no minimum is found within `MAX_ITERATIONS` steps; `FlatValley` if the cost hardly falls then.
     """
     point = problem.point(np.zeros(problem.size) if x is None else x, near)
     if lost := np.count_nonzero(~point.poses.reached):
         what = f"{lost} poses can't be reached by the geometry that the fit starts from"
         raise ConvergenceError(what, hint="leave them out")
     residual = problem.residual(point)
-    damping, exact_steps = 0.0, 0
+    damping, exact_steps, costs = 0.0, 0, []
     for iteration in range(MAX_ITERATIONS):
         weight = weigh(residual)
         information, gradient = _normal_equations(problem, point, residual, weight)
@@ -150,8 +163,12 @@ def fit(
         cost = _cost(problem, point.x, residual, weight)
         if progress is not None:
             progress(iteration, float(np.sqrt((weight[:, None] * residual**2).mean())))
+        costs.append(cost)
+        creeps = len(costs) >= CREEPING and costs[-CREEPING] <= (1.0 + FLAT) * cost
         if iteration >= enough:
             return Fit(problem, point, residual, weight, information, iteration)
+        if creeps and iteration == MAX_ITERATIONS - 1:
+            raise FlatValley(Fit(problem, point, residual, weight, information, iteration))
         A, negligible = information + np.diag(problem.prior), max(ROUNDING * max(cost, 1.0), left_out)
         while True:
             step = _step(A, gradient, damping)

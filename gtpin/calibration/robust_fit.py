@@ -9,7 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from gtpin.calibration.fit_state import FitState
-from gtpin.calibration.gauss_newton import Fit, fit
+from gtpin.calibration.gauss_newton import Fit, FlatValley, fit
 from gtpin.calibration.marginal import MarginalLikelihood, Maximum
 from gtpin.calibration.noise_estimator import NoiseEstimator, same
 from gtpin.calibration.problem import Problem
@@ -146,12 +146,15 @@ class RobustFit:
             what = f"fit {number}"
             try:
                 outcome = self._fit(used, noise, _by_tails(tails, noise_scale), x, what, near, noise_scale)
-            except ConvergenceError:
+            except ConvergenceError as error:
                 noise_scale = self._scale(noise.whitened(self.estimator.derivative(noise), residual)[used], used)
-                if noise_scale < WIDE:
+                if noise_scale >= WIDE:
+                    weigh = _by_tails(tails, noise_scale)
+                    outcome = self._fit(used, noise, weigh, outcome.point.x, what, here, noise_scale)
+                elif isinstance(error, FlatValley):  # along what the data do not determine, and are then said not to
+                    outcome = error.fit
+                else:
                     raise
-                weigh = _by_tails(tails, noise_scale)
-                outcome = self._fit(used, noise, weigh, outcome.point.x, what, here, noise_scale)
             fitted = used
             steps += outcome.iterations
         raise ConvergenceError(

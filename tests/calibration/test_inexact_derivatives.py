@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import gtpin
-from gtpin.calibration.gauss_newton import _by_differences, _cost, fit
+from gtpin.calibration.gauss_newton import MAX_ITERATIONS, FlatValley, _by_differences, _cost, fit
 
 ROWS, UNKNOWNS = 4000, 5
 LEFT_OUT = 0.1
@@ -113,3 +113,18 @@ def test_a_fit_along_a_flat_valley_converges() -> None:
     # The derivative of the cost, x - 5e-4 - (9.99 - x^2 / 20) x / 10, vanishes at the only real root.
     best = min(np.roots([0.005, 0.0, 0.001, -5e-4]), key=lambda root: abs(root.imag))
     assert float(found.point.x[0]) == pytest.approx(float(best.real), abs=0.05)
+
+
+def test_a_fit_whose_weights_never_settle_ends_where_its_cost_hardly_falls_any_more() -> None:
+    problem, calls = Leaving(0), []
+    problem.wrong = 0.0 * problem.wrong
+
+    def weigh(residual: np.ndarray) -> np.ndarray:
+        calls.append(None)
+        return 1.0 + 0.01 * (np.arange(ROWS) % 2 == len(calls) % 2)
+
+    with pytest.raises(FlatValley) as crept:
+        fit(problem, weigh)
+    found = crept.value.fit
+    assert found.iterations == MAX_ITERATIONS - 1
+    assert np.abs(found.point.x - best_of(problem)[0]).max() < 1e-2
