@@ -111,7 +111,7 @@ class Fit(Generic[P]):
         return float(len(self.information) - np.diag(self.covariance) @ self.problem.prior)
 
 
-class FlatValley(ConvergenceError):
+class FlatValleyError(ConvergenceError):
     """A fit that has not converged, and whose cost hardly falls any more; ``fit`` is its last iterate."""
 
     def __init__(self, fit: Fit[Any]) -> None:
@@ -145,7 +145,8 @@ def fit(
     - ``inexact``: number of the first unknowns whose derivative leaves out small terms. Where no step lowers the cost and
       more than ``left_out`` is expected, the gradient by them is computed by central differences from there on.
 
-    Raises `ConvergenceError` if no minimum is found within `MAX_ITERATIONS` steps; `FlatValley` if the cost hardly falls then.
+    Raises `ConvergenceError` if no minimum is found within `MAX_ITERATIONS` steps; `FlatValleyError`, where its cost hardly
+    falls by then.
     """
     point = problem.point(np.zeros(problem.size) if x is None else x, near)
     if lost := np.count_nonzero(~point.poses.reached):
@@ -168,7 +169,7 @@ def fit(
         if iteration >= enough:
             return Fit(problem, point, residual, weight, information, iteration)
         if creeps and iteration == MAX_ITERATIONS - 1:
-            raise FlatValley(Fit(problem, point, residual, weight, information, iteration))
+            raise FlatValleyError(Fit(problem, point, residual, weight, information, iteration))
         A, negligible = information + np.diag(problem.prior), max(ROUNDING * max(cost, 1.0), left_out)
         while True:
             step = _step(A, gradient, damping)

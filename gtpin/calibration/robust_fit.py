@@ -9,7 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from gtpin.calibration.fit_state import FitState
-from gtpin.calibration.gauss_newton import Fit, FlatValley, fit
+from gtpin.calibration.gauss_newton import Fit, FlatValleyError, fit
 from gtpin.calibration.marginal import MarginalLikelihood, Maximum
 from gtpin.calibration.noise_estimator import NoiseEstimator, same
 from gtpin.calibration.problem import Problem
@@ -151,7 +151,9 @@ class RobustFit:
                 if noise_scale >= WIDE:
                     weigh = _by_tails(tails, noise_scale)
                     outcome = self._fit(used, noise, weigh, outcome.point.x, what, here, noise_scale)
-                elif isinstance(error, FlatValley):  # along what the data do not determine, and are then said not to
+                elif isinstance(
+                    error, FlatValleyError
+                ):  # along what the data do not determine, and are then said not to
                     outcome = error.fit
                 else:
                     raise

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import gtpin
-from gtpin.calibration.gauss_newton import MAX_ITERATIONS, FlatValley, _by_differences, _cost, fit
+from gtpin.calibration.gauss_newton import MAX_ITERATIONS, FlatValleyError, _by_differences, _cost, fit
 
 ROWS, UNKNOWNS = 4000, 5
 LEFT_OUT = 0.1
@@ -123,7 +123,7 @@ def test_a_fit_whose_weights_never_settle_ends_where_its_cost_hardly_falls_any_m
         calls.append(None)
         return 1.0 + 0.01 * (np.arange(ROWS) % 2 == len(calls) % 2)
 
-    with pytest.raises(FlatValley) as crept:
+    with pytest.raises(FlatValleyError) as crept:
         fit(problem, weigh)
     found = crept.value.fit
     assert found.iterations == MAX_ITERATIONS - 1

@@ -120,7 +120,9 @@ def test_a_pose_that_a_fit_sets_aside_is_named_once_with_the_model_and_judged_al
     assert {w.filename for w in told} == {__file__}
     texts = [str(w.message) for w in told]
     for model in (1, 3):
-        named = [re.split("poses? ", text)[-1].split(", ") for text in texts if text.startswith(f"model {model}: set aside")]
+        named = [
+            re.split("poses? ", text)[-1].split(", ") for text in texts if text.startswith(f"model {model}: set aside")
+        ]
         assert sum(pose in poses for poses in named) == 1
     assert all(held.position[held.pose == pose] > 4e-3 for held in off.held)
 

@@ -63,7 +63,9 @@ class CauseKind:
     # Largest amplitude, in typical sizes: no machine has a larger error, even where the effect then has little energy
     largest: float = 20.0
     periodic: bool = False  # Whether ``draw`` also takes the numbers of periods a turn of its lines
-    newer: bool = False  # Newer than the published cases: a seed draws it into no case and not beside one; made if asked for
+    newer: bool = (
+        False  # Newer than the published cases: a seed draws it into no case and not beside one; made if asked for
+    )
 
     def sites(self, robot: Chain | Arm) -> tuple[str, ...]:
         """Names of the sites of a robot at which it can occur; empty where there are none."""
