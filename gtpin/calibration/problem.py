@@ -65,7 +65,8 @@ class Problem:
 
     An unknown with a prior is measured from its declared value, in units of its sigma. An unknown without one is measured from
     the start of the fit, in mm or mrad, and gets a prior with the sigma ``VAGUE``: this has no influence where there are
-    readings, and keeps the fit regular where all rows of a socket are set aside. The pose of a free frame has no prior.
+    readings, and keeps the fit regular where all rows of a socket are set aside. So does the pose of a free frame, which can
+    turn about a line of positions.
 
     - ``start``: model at x = 0: nominal geometry, and a first guess of the instrument's frame.
     - ``measured``: the readings, with the unknowns' values at x = 0.
@@ -95,9 +96,10 @@ class Problem:
 
     @property
     def prior(self) -> Floats:
-        """(size,) weight of the square of each x in the cost: 1; 0, or nearly 0, for an unknown without a prior."""
-        of_unknowns = np.where(np.isfinite(self.measured.sigma), 1.0, (FRAME_UNIT / VAGUE) ** 2)
-        return np.concatenate([np.ones(self.n_geometry), of_unknowns, np.zeros(self.size - self._n_known)])
+        """(size,) weight of the square of each x in the cost: 1; nearly 0 for an unknown without a prior."""
+        vague = (FRAME_UNIT / VAGUE) ** 2
+        of_unknowns = np.where(np.isfinite(self.measured.sigma), 1.0, vague)
+        return np.concatenate([np.ones(self.n_geometry), of_unknowns, np.full(self.size - self._n_known, vague)])
 
     @property
     def unit(self) -> Floats:

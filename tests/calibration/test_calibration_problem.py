@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
-from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, Gantry, case, commands, names, tolerance
+from virtual_gantry import (
+    ORIENTATION_SIGMA,
+    POSITION_SIGMA,
+    Gantry,
+    case,
+    commands,
+    draw,
+    measured,
+    names,
+    tolerance,
+    undeclared,
+)
 
 import gtpin
 from gtpin.calibration.problem import Problem, measured_poses, rough_frame
@@ -109,6 +120,22 @@ def test_the_free_frame_is_found_from_any_stand():
         poses = found.model.predict(q)
         assert np.abs(poses.T - T).max() < 6 * POSITION_SIGMA
         assert (Rotation.from_matrix(poses.R) * turn.inv()).magnitude().max() < 6 * ORIENTATION_SIGMA
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+@pytest.mark.parametrize("declared", [True, False])
+def test_positions_on_a_straight_line_are_fitted_though_a_free_frame_can_turn_about_it(declared):
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        q = np.repeat(
+            np.linspace(-0.25, 0.25, 48)[:, None], 3, axis=1
+        )  # the carts together: the platform slides along x
+        dataset = measured(draw(rng, free=True), q, rng, orientation=False)
+        found = gtpin.calibrate(dataset if declared else undeclared(dataset))
+        size = np.sqrt((found.residual[:, :3] ** 2).mean())
+        assert 0.8 * POSITION_SIGMA < size < 1.2 * POSITION_SIGMA
+        assert len(found.unobservable) > 30
 
 
 def test_a_robot_frame_stays_the_base_frame():
