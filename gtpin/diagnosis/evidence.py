@@ -162,7 +162,7 @@ def best_scales(
     shrunk = s2 / (1.0 + s2 * values)
     gain = 0.5 * (shrunk * along**2 - np.log1p(s2 * values)).sum(axis=2)
     gain -= 0.5 * (np.log(SCALES)[:, None] / priors.scale_spread) ** 2
-    own = list(core)
+    own = [i for i in core if i < values.shape[1]]
     if own:
         part = vectors[:, own]
         mean = np.einsum("sfj,ksj->ksf", part, shrunk * along, optimize=True)
