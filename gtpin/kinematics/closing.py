@@ -88,12 +88,7 @@ class LoopClosure:
         self.parents = [int(parent) for parent in model.parents]
         self.driven = np.array(robot.driven, dtype=int)
         self.passive = np.arange(model.nv)[robot.passive]
-        self._index_q = np.array([actuator.index_q for actuator in robot.actuators], dtype=int)
-        self._continuous = [i for i, a in enumerate(robot.actuators) if model.nqs[a.joint_id] == 2]
-        self.fold = np.eye(model.nv)
-        for follower in robot.followers:
-            self.fold[follower.index_v, follower.master_v] = follower.multiplier
-        self.follows = bool(robot.followers)
+        self.fold, self.follows = robot.fold, bool(robot.followers)
         self.private = self._private()
         self.reduced = len(self.private) > 0
         self.solved = np.setdiff1d(self.passive, self.private)
@@ -230,16 +225,6 @@ class LoopClosure:
 
     # ------------------------------------------------------------------------------------------- closing
 
-    def commanded(self, X: Floats, q: Floats) -> Floats:
-        """Configurations X (N, nq) with the actuators, and what follows them, at commands q (N, n)."""
-        X, robot = X.copy(), self.robot
-        X[:, self._index_q] = q
-        for i in self._continuous:
-            _put(X, int(self._index_q[i]), q[:, i], True)
-        for i, follower in robot.led:
-            _put(X, follower.index_q, follower.multiplier * q[:, i] + follower.offset, follower.continuous)
-        return X
-
     def newton(
         self, here: Here, placed: PlacedParts, contraction: float = CONTRACTION, equations: Equations | None = None
     ) -> Closed:
@@ -324,7 +309,7 @@ class LoopClosure:
             else:
                 V = self.step(here, its, goal - q, inverse)
             V[~np.isfinite(V).all(axis=1)] = 0.0
-            there = self.at(self.commanded(copies(self.robot).integrate(here.X, V), goal), placed)
+            there = self.at(self.robot.with_commands(copies(self.robot).integrate(here.X, V), goal), placed)
             ahead = self.equations(there)
             inverses = self.inverse(ahead.D)
             change = _norm(inverse @ (ahead.D - its.D))
@@ -368,10 +353,3 @@ class LoopClosure:
 def _norm(matrices: Floats) -> Floats:
     found = np.sqrt(np.einsum("nij,nij->n", matrices, matrices))
     return np.where(np.isfinite(found), found, np.inf)
-
-
-def _put(X: Floats, index: int, values: Floats, continuous: bool) -> None:
-    if continuous:
-        X[:, index], X[:, index + 1] = np.cos(values), np.sin(values)
-    else:
-        X[:, index] = values

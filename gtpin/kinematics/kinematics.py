@@ -240,7 +240,7 @@ class Kinematics:
         placed = self.placed_at(self.robot.home_q[None])
         plain = self._is_plain
         begin = robot.assembly.configuration[None] if plain else nominal(robot).at_home.X
-        closing = loops.newton(loops.at(loops.commanded(begin, q), placed), placed, contraction=1.0)
+        closing = loops.newton(loops.at(self.robot.with_commands(begin, q), placed), placed, contraction=1.0)
         if not closing.closed.all():
             if plain:
                 raise open_at_home(robot)
@@ -273,7 +273,7 @@ class Kinematics:
         loops, travel = self.loops, self.travel(q)
         if near is None:
             return loops.at(self._of_tree(travel), placed), np.ones(len(q), dtype=bool)
-        closing = loops.newton(loops.at(loops.commanded(near, travel), placed), placed)
+        closing = loops.newton(loops.at(self.robot.with_commands(near, travel), placed), placed)
         amplification = loops.amplification(loops.inverse(closing.D))
         sound = (self._regularity(closing.D) > 0.0) & (amplification <= self._largest * DOUBTFUL / SINGULAR)
         return closing.here, closing.closed & sound
@@ -282,7 +282,7 @@ class Kinematics:
         """Postures closed from a guess, and how far they are on the straight lines from home to commands (N, n): 0 to 1."""
         loops, home, travel = self.loops, self.travel(self.robot.home_q[None]), self.travel(q)
         X, s = guess(travel)
-        begin = loops.commanded(X, np.where(s[:, None] == 1.0, travel, home + s[:, None] * (travel - home)))
+        begin = self.robot.with_commands(X, np.where(s[:, None] == 1.0, travel, home + s[:, None] * (travel - home)))
         closing = loops.newton(loops.at(begin, placed), placed)
         off = np.abs(closing.here.X - begin).max(axis=1)
         right = closing.closed & (off <= TRUSTED) & (self._regularity(closing.D) >= guess.margin)
@@ -323,7 +323,7 @@ class Kinematics:
         """Postures with displaced frames at other commands; near those X (N, nq) at q."""
         loops, robot, goal = self.loops, self.robot, self.travel(commands)
         moved = twisted(robot, placed, twists)
-        closing = loops.newton(loops.at(loops.commanded(X, goal), moved), moved)
+        closing = loops.newton(loops.at(self.robot.with_commands(X, goal), moved), moved)
         here, reached = closing.here, closing.closed
         rows = np.flatnonzero(~reached & np.isfinite(X).all(axis=1))
         if loops.count and rows.size:
@@ -363,7 +363,7 @@ class Kinematics:
         return X
 
     def _of_tree(self, travel: Floats) -> Floats:
-        return self.loops.commanded(np.tile(self.robot.neutral, (len(travel), 1)), travel)
+        return self.robot.with_commands(np.tile(self.robot.neutral, (len(travel), 1)), travel)
 
     @cached_property
     def _guess(self) -> FirstGuess | None:

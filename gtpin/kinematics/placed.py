@@ -149,18 +149,8 @@ def _after(placements: Floats, twist: Floats) -> Floats:
     R, w = rotation(placements), twist[:, 3:]
     found = np.empty_like(placements)
     found[:, :9] = np.swapaxes(R @ exp(w), 1, 2).reshape(-1, 9)
-    found[:, 9:] = placements[:, 9:] + np.einsum("nij,njk,nk->ni", R, _left_jacobians(w), twist[:, :3])
+    found[:, 9:] = placements[:, 9:] + np.einsum("nij,njk,nk->ni", R, left_jacobian(w), twist[:, :3])
     return found
-
-
-def _left_jacobians(w: Floats) -> Floats:
-    """(N, 3, 3) the integrals of exp(s w) over s from 0 to 1: a series, as the rotations are small or zero."""
-    K = skew(w)
-    term, total, k = np.broadcast_to(np.eye(3), K.shape), np.broadcast_to(np.eye(3), K.shape), 1
-    while term.size and np.abs(term).max() > np.finfo(float).eps:
-        term = term @ K / (k + 1)
-        total, k = total + term, k + 1
-    return np.asarray(total)
 
 
 def joints_on_carrier(geometry: Geometry, actuator: int) -> Iterator[tuple[int, list[int]]]:

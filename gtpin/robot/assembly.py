@@ -339,7 +339,7 @@ def _at_declared_home(robot: ConstrainedModel, start: Floats) -> Floats:
 
 def _moved(robot: ConstrainedModel, configuration: Floats, x: Floats) -> Floats:
     """Configuration with the passive coordinates moved by x (p,)."""
-    moved: Floats = pin.integrate(robot.model, configuration, robot.tree_velocity(None, x))
+    moved: Floats = pin.integrate(robot.model, configuration, robot.tree_velocity(x))
     return moved
 
 

@@ -21,7 +21,7 @@ import pinocchio as pin
 
 from gtpin.errors import ModelError, RobotError, warn
 from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
-from gtpin.robot.resting import folded, followers, moving_model, neutral, put
+from gtpin.robot.resting import followers, moving_model, neutral, put
 from gtpin.typing import Floats, Mask
 
 POSTURES = 6
@@ -178,6 +178,10 @@ class ConstrainedModel:
         """Scratch memory for the time in which the robot is built."""
         self.neutral: Floats = neutral(self.model, description)
         self.followers = followers(self.model, description.tree.mimics)
+        self.fold: Floats = np.eye(self.model.nv)
+        """(nv, nv) velocities of all joints by those of the joints that follow no other."""
+        for follower in self.followers:
+            self.fold[follower.index_v, follower.master_v] = follower.multiplier
         pin.computeJointJacobians(self.model, self.data, self.neutral)
         self.actuators = tuple(self._actuator(element) for element in elements)
         driven = [actuator.index_v for actuator in self.actuators]
@@ -188,7 +192,7 @@ class ConstrainedModel:
         self.driven = driven
         self._index_q = np.array([actuator.index_q for actuator in self.actuators])
         self._continuous = [i for i, a in enumerate(self.actuators) if self.model.nqs[a.joint_id] == 2]
-        self.led = [
+        self._led = [
             (driven.index(follower.master_v), follower) for follower in self.followers if follower.master_v in driven
         ]
         passive = np.setdiff1d(np.arange(self.model.nv), driven + [follower.index_v for follower in self.followers])
@@ -358,28 +362,22 @@ class ConstrainedModel:
         return self.with_commands(configuration, self.home_q)
 
     def with_commands(self, configuration: Floats, q: Floats) -> Floats:
-        """Pinocchio configuration with the actuators at ``q`` (n,) and everything else as in ``configuration``."""
-        changed = configuration.copy()
-        changed[self._index_q] = q
+        """Configurations (..., nq) with the actuators at ``q`` (..., n), and all else as in ``configuration`` (..., nq)."""
+        changed = np.array(np.broadcast_to(configuration, (*q.shape[:-1], configuration.shape[-1])))
+        changed[..., self._index_q] = q
         for i in self._continuous:
-            put(changed, self._index_q[i], q[i], True)
-        for i, follower in self.led:
-            follower.put(changed, q[i])
+            put(changed, self._index_q[i], q[..., i], True)
+        for i, follower in self._led:
+            put(changed, follower.index_q, follower.multiplier * q[..., i] + follower.offset, follower.continuous)
         return changed
 
-    def tree_velocity(self, commands: Floats | None, passive: Floats) -> Floats:
-        """(nv,) Pinocchio velocity, from velocities of the commands (n,), None for 0, and of the passive coordinates (p,)."""
-        velocity = np.zeros(self.model.nv)
-        if commands is not None:
-            velocity[self.driven] = commands
-        velocity[self.passive] = passive
-        for follower in self.followers:
-            velocity[follower.index_v] = follower.multiplier * velocity[follower.master_v]
-        return velocity
+    def tree_velocity(self, passive: Floats) -> Floats:
+        """(nv,) Pinocchio velocity, from those of the passive coordinates (p,), at constant commands."""
+        return self.fold[:, self.passive] @ passive
 
     def folded(self, derivative: Floats) -> Floats:
         """A derivative (..., nv) by Pinocchio velocities, in which the columns of masters include the motion of followers."""
-        return folded(derivative, self.followers)
+        return derivative @ self.fold if self.followers else derivative
 
     def closing(self, gaps: Floats) -> Floats:
         """Values (m, ...) of the closure equations, from the vectors (3 k, ...) between the anchors of k loops.
