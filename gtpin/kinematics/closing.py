@@ -129,11 +129,11 @@ class LoopClosure:
     def at(self, X: Floats, placed: PlacedParts) -> Here:
         """Placements, twists and gaps at configurations X (N, nq)."""
         oMi, J = copies(self.robot).joints(X, placed.placements)
-        anchors = np.concatenate([placed.anchors, np.ones((*placed.anchors.shape[:-1], 1))], axis=-1)
-        point = np.empty((len(self.carriers), 3, len(X)))
-        for a, carrier in enumerate(self.carriers):
-            M = oMi[:, carrier].reshape(-1, 4, 3).transpose(2, 0, 1)  # homogeneous
-            point[a] = M @ anchors[a] if anchors.ndim == 2 else np.einsum("inj,nj->in", M, anchors[:, a])
+        M = np.ascontiguousarray(oMi[:, self.carriers].transpose(1, 2, 0))
+        at = placed.anchors[..., None] if placed.anchors.ndim == 2 else placed.anchors.transpose(1, 2, 0)
+        point = M[:, 9:].copy()
+        for i in range(3):
+            point += M[:, 3 * i : 3 * i + 3] * at[:, i, None]
         return Here(X, J, oMi, point[1::2], point[1::2] - point[::2])
 
     def equations(self, here: Here) -> Equations:
@@ -147,7 +147,8 @@ class LoopClosure:
             square = (normal * normal).sum(axis=1, keepdims=True)
             d = normal / np.sqrt(square)
             normal /= square
-            alone = np.stack([cross(two, normal), cross(normal, one)], axis=1)
+            alone = np.empty_like(private)
+            alone[:, 0], alone[:, 1] = cross(two, normal), cross(normal, one)
         else:
             R = here.oMi[:, self.carriers[::2], :9].transpose(1, 2, 0)[self.loop_of]
             local = self._local[:, :, None, None]
@@ -197,7 +198,7 @@ class LoopClosure:
         V, r = np.zeros((len(here), self.robot.model.nv)), equations.r
         if dq is not None:
             V[:, self.driven] = dq
-            r = (equations.d * self._opened(here, dq, self.driven)[self.loop_of]).sum(axis=1).T
+            r = r + (self.by_velocities(here, equations.F, self.driven) @ dq[..., None])[..., 0]
         if inverse is None:
             V[:, self.solved] = solved = self._solve(equations.D, -r)
         else:
@@ -315,7 +316,7 @@ class LoopClosure:
             change = _norm(inverse @ (ahead.D - its.D))
             left = _norm(self.step(there, ahead, None, inverses)[..., None])
             allowed = np.maximum(TINY, np.maximum(CONTRACTION * _norm(V[..., None]), CHANGE * error[rows]))
-            excess = np.max([change / CHANGE, left / allowed, np.abs(V).max(axis=1) / FARTHEST], axis=0)
+            excess = np.maximum(change / CHANGE, np.maximum(left / allowed, np.abs(V).max(axis=1) / FARTHEST))
             ok = (excess <= 1.0) & (self.amplification(inverses) <= largest)
             excess = np.maximum(excess, 1e-3)
             now = excess / stride[rows]
@@ -330,14 +331,20 @@ class LoopClosure:
             here, its, inverse, q = there, ahead, inverses, goal
             left_over = 1.0 - done[rows]
             on = (left_over > 0.0) & (stride[rows] >= np.minimum(SMALLEST_STRIDE, left_over / NEARLY_THERE))
-            if not on.all():
+            if len(on) == n and not on.any():
+                ends, rows = here, rows[on]  # all at once, as one posture: their equations are known
+            elif not on.all():
                 ends.put(rows[~on], here.take(~on))
                 rows, here, its, inverse, q = rows[on], here.take(on), its.take(on), inverse[on], q[on]
         rows = np.flatnonzero(done == 1.0)
-        here = ends.take(rows)
-        its = self.equations(here)
+        if len(here) == n:
+            here, its, inverse = here.take(rows), its.take(rows), inverse[rows]
+        else:
+            here = ends.take(rows)
+            its = self.equations(here)
+            inverse = self.inverse(its.D)
         closing = self.newton(here, path(done[rows], rows)[1], equations=its)
-        change = _norm(self.inverse(its.D) @ (closing.D - its.D))
+        change = _norm(inverse @ (closing.D - its.D))
         reached = np.zeros(n, dtype=bool)
         reached[rows] = closing.closed & (change <= CHANGE) & (self.amplification(self.inverse(closing.D)) <= largest)
         ends.put(rows[reached[rows]], closing.here.take(reached[rows]))

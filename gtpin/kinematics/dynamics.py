@@ -16,7 +16,7 @@ import numpy as np
 from gtpin.errors import ModelError
 from gtpin.kinematics.closing import LoopClosure
 from gtpin.kinematics.copies import copies
-from gtpin.kinematics.placed import PlacedParts, own_placements, rotation
+from gtpin.kinematics.placed import PlacedParts, rotation
 from gtpin.kinematics.postures import Here
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
@@ -135,7 +135,7 @@ def _on_joints(
     robot = loops.robot
     model, n = robot.model, len(here)
     found = np.empty((n, model.njoints, 6))
-    placements = own_placements(robot) if placed.placements is None else placed.placements
+    placements = placed.of_joints(robot)
     for j in range(1, model.njoints):
         own = here.oMi[:, j]
         R = rotation(own)

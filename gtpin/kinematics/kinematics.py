@@ -295,7 +295,8 @@ class Kinematics:
         """
         home, q_home = self.at_home, self.travel(self.robot.home_q[None])
         start, known = _tiled(home, len(q)), np.flatnonzero(s)
-        start.put(known, self.loops.at(X[known], placed.take(known)))
+        if known.size:
+            start.put(known, self.loops.at(X[known], placed.take(known)))
         found, reached, _ = self.follow(start, np.tile(q_home, (len(q), 1)), q, placed, s)
         lost = np.flatnonzero(~reached)
         if not lost.size:
