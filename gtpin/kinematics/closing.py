@@ -323,7 +323,10 @@ class LoopClosure:
             growth = np.clip(now / rate[rows], 1.0, MOST_GROWTH)
             gone, back = rows[ok], np.flatnonzero(~ok)
             done[gone], error[gone], rate[gone] = reach[ok], left[ok], now[ok]
-            stride[rows] *= np.where(ok, np.clip(AIM / (excess * growth), 0.1, 4.0), np.clip(AIM / excess, 0.1, 0.5))
+            share, own = AIM / excess, stride[rows]
+            least = np.minimum(SMALLEST_STRIDE, own * np.maximum(share, 0.5))  # growth alone gives no path up
+            longer = np.maximum(own * np.minimum(share / growth, 4.0), least)
+            stride[rows] = np.where(ok, longer, own * np.clip(share, 0.1, 0.5))
             if back.size:
                 there.put(back, here.take(back))
                 ahead.put(back, its.take(back))
