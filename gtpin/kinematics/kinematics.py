@@ -98,7 +98,10 @@ class Kinematics:
 
         Raises `ModelError` if q is not (N, n). `ClosureError` if the loops of the robot's own file are open at home.
         """
-        self.robot.check_commands(q)
+        if q.ndim != 2 or q.shape[1] != (n := self.robot.n_actuators):
+            raise ModelError(
+                f"commands of shape {q.shape} for {self.robot.name}", hint=f"give an array of shape (N, {n})"
+            )
         X = np.full((len(q), self.robot.model.nq), np.nan)
         T, R, begin = np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan), np.zeros(len(q))
         near = None if start is None else start.configuration

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.errors import ModelError, RobotError, warn
+from gtpin.errors import RobotError, warn
 from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
 from gtpin.robot.resting import followers, moving_model, neutral, put
 from gtpin.typing import Floats, Mask
@@ -386,26 +386,6 @@ class ConstrainedModel:
         those in its plane.
         """
         return gaps if self._in_planes is None else self._in_planes @ gaps
-
-    def spread(self, multipliers: Floats) -> Floats:
-        """Forces (3 k, ...) at the anchors of k loops, from the Lagrange multipliers (m, ...) of the closure equations.
-
-        The transpose of :meth:`closing`: a planar loop transmits no force across its plane, where its joints have play.
-        """
-        return multipliers if self._in_planes is None else self._in_planes.T @ multipliers
-
-    def check_commands(self, q: Floats) -> None:
-        """Check the shape of commands.
-
-        Raises
-        ------
-        ModelError
-            If it is not (N, n).
-        """
-        if q.ndim != 2 or q.shape[1] != self.n_actuators:
-            raise ModelError(
-                f"commands of shape {q.shape} for {self.name}", hint=f"give an array of shape (N, {self.n_actuators})"
-            )
 
     # ------------------------------------------------------------------------------------------------ building
 
