@@ -98,7 +98,8 @@ class Kinematics:
 
         Raises `ModelError` if q is not (N, n). `ClosureError` if the loops of the robot's own file are open at home.
         """
-        if q.ndim != 2 or q.shape[1] != (n := self.robot.n_actuators):
+        n = self.robot.n_actuators
+        if q.ndim != 2 or q.shape[1] != n:
             raise ModelError(
                 f"commands of shape {q.shape} for {self.robot.name}", hint=f"give an array of shape (N, {n})"
             )

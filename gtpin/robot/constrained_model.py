@@ -214,7 +214,11 @@ class ConstrainedModel:
         named = home or description.tcp or description.platform or self.tcp_frame
         self.home_joint, self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))
         self.anchors = tuple(self._placement(anchor) for anchor in self._anchor_elements)
-        self._close()
+        pairs = zip(self.anchors[::2], self.anchors[1::2], strict=True)
+        self.constraints = tuple(pin.PointAnchorConstraintModel(self.model, *a, *b) for a, b in pairs)
+        self.constraint_models = pin.StdVec_ConstraintModel()
+        for constraint in self.constraints:
+            self.constraint_models.append(pin.ConstraintModel(constraint))
         self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
         """Largest coordinate of a joint with all commands zero, base frame, but at least 1, m. Rounding errors grow with it."""
         self._check_size()
@@ -231,16 +235,6 @@ class ConstrainedModel:
         self.seeking: Floats = np.vstack([in_planes(planes), self._levers()])
         """(m + k, 3 L) as the matrix of :meth:`closing`, with equations for loops of type ``fixed`` that tell half turns."""
         self.plane_axes: tuple[Floats | None, ...] = tuple(axes_of(n) if len(n) else None for n in planes)
-
-    def _close(self) -> None:
-        """Make the constraint models, and scratch memory for the time in which the robot is built."""
-        pairs = zip(self.anchors[::2], self.anchors[1::2], strict=True)
-        self.constraints = tuple(pin.PointAnchorConstraintModel(self.model, *a, *b) for a, b in pairs)
-        self.constraint_models, data = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
-        for constraint in self.constraints:
-            self.constraint_models.append(pin.ConstraintModel(constraint))
-            data.append(self.constraint_models[-1].createData())
-        self.constraint_vectors = (self.constraint_models, data)
 
     @property
     def _anchor_elements(self) -> list[Anchor]:
@@ -465,13 +459,19 @@ class ConstrainedModel:
         pairs = zip(ends[::2], ends[1::2], strict=True)
         return np.array([one.actInv(other).translation for one, other in pairs]).ravel()
 
-    def gaps_jacobian(self) -> Floats:
-        """(3 L, nv) derivative of :meth:`gaps`; joints that follow others (``<mimic>``) move with them."""
+    def constraint_data(self, data: Any) -> Any:
+        """``pinocchio.StdVec_ConstraintData`` for :attr:`constraint_models` where ``data`` has the joints' Jacobians."""
+        found = pin.StdVec_ConstraintData()
+        for constraint in self.constraint_models:
+            found.append(constraint.createData())
+            constraint.calc(self.model, data, found[-1])
+        return found
+
+    def gaps_jacobian(self, data: Any) -> Floats:
+        """(3 L, nv) derivative of the gaps where ``data`` is; joints that follow others (``<mimic>``) move with them."""
         if not self.constraints:
             return np.zeros((0, self.model.nv))
-        for constraint, data in zip(*self.constraint_vectors, strict=True):
-            constraint.calc(self.model, self.data, data)
-        jacobian = pin.getConstraintsJacobian(self.model, self.data, *self.constraint_vectors)
+        jacobian = pin.getConstraintsJacobian(self.model, data, self.constraint_models, self.constraint_data(data))
         return self.folded(np.reshape(jacobian, (-1, self.model.nv)))
 
     def relative_motions(self, configurations: Sequence[Floats]) -> Floats:
@@ -479,7 +479,7 @@ class ConstrainedModel:
         found = []
         for configuration in configurations:
             pin.computeJointJacobians(self.model, self.data, configuration)
-            found.append(self.gaps_jacobian()[:, self.passive])
+            found.append(self.gaps_jacobian(self.data)[:, self.passive])
         return np.hstack(found)
 
     def planes_of(self, motions: Floats, zero: float = PARALLEL) -> tuple[Floats, ...]:
