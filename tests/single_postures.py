@@ -76,7 +76,7 @@ class Single:
             gaps = here.gaps
             if np.abs(gaps).max(initial=0.0) <= 1e-15 * self.robot.size:
                 break
-            V = self.robot.tree_velocity(None, -here._inverse @ gaps)
+            V = self.robot.tree_velocity(-here._inverse @ gaps)
             here = Single(self.robot, q, pin.integrate(self.robot.model, here.X, V))
         assert np.abs(here.gaps).max(initial=0.0) <= 1e-14 * self.robot.size
         return here

@@ -37,9 +37,14 @@ FARTHEST = 1.0
 """Largest motion of a joint in one step, m or rad: after a turn, D could be what it was. Assumed."""
 AIM = 0.7
 """Part of these limits that a step aims at."""
+MOST_GROWTH = 4.0
+"""Largest growth of these, per length, from one step to the next, for which a step is shortened: towards a singularity they
+grow at each step."""
 SMALLEST_STRIDE = 1.0 / 4096.0
 """Smallest step as a fraction of the path; where a smaller one is needed, the target is given up. A line of 1 rad
 that passes a limit of a five-bar of 1 m at a distance of 1 um needs no smaller ones."""
+NEARLY_THERE = 8.0
+"""Number of steps to the end below which it is not given up, however small they are."""
 SHORTEST_FIRST = 0.1
 """First step, as a fraction of a path, below which it is not followed again with a shorter one."""
 SINGULAR = 1e3
@@ -63,7 +68,8 @@ class LoopClosure:
     passive velocities more, which follow from the solved ones.
 
     ``signs``: (L, J + 1) the S of each joint's frame for each loop. ``moves_tcp``: (J + 1,) whether a joint moves the TCP.
-    ``loop_of``: (E,) the loop of each equation. ``square``: whether E = e, and the loops determine all motions.
+    ``kept``: the velocities but the private ones. ``loop_of``: (E,) the loop of each equation. ``square``: whether E = e, and
+    the loops determine all motions.
     """
 
     def __init__(self, robot: Chain) -> None:
@@ -82,13 +88,11 @@ class LoopClosure:
         self.parents = [int(parent) for parent in model.parents]
         self.driven = np.array(robot.driven, dtype=int)
         self.passive = np.arange(model.nv)[robot.passive]
-        self.fold = np.eye(model.nv)
-        for follower in robot.followers:
-            self.fold[follower.index_v, follower.master_v] = follower.multiplier
-        self.follows = bool(robot.followers)
+        self.fold, self.follows = robot.fold, bool(robot.followers)
         self.private = self._private()
         self.reduced = len(self.private) > 0
         self.solved = np.setdiff1d(self.passive, self.private)
+        self.kept = np.setdiff1d(np.arange(model.nv), self.private)
         self.rank = robot.rank - self.private.size
         local = np.zeros((0, 3))
         if not self.reduced and self.count:
@@ -100,10 +104,10 @@ class LoopClosure:
         else:
             self.loop_of = np.arange(self.count)
         self.square = len(self.loop_of) == len(self.solved) == self.rank
-        self._loops = np.concatenate([self.loop_of, np.tile(np.arange(self.count), 2 * self.reduced)])
-        """The loops of the equations, then those of the eliminated velocities: of all first ones, of all second ones."""
-        self._rows, self._eliminated = self.S[self._loops], self.private.T.ravel()
-        self._own = self.S[self._loops[len(self.loop_of) :], self._eliminated]
+        self._rows, self._lead = (
+            self.S[self.loop_of],
+            self.S[np.arange(self.count)[: len(self.private), None], self.private],
+        )
         self._local = local
         """(E, 3) direction of each equation in the frame of the joint that carries the loop's first anchor."""
         self._in_plane = any(axes is not None for axes in robot.plane_axes)
@@ -134,23 +138,26 @@ class LoopClosure:
 
     def equations(self, here: Here) -> Equations:
         """The equations at postures."""
-        private = np.zeros((0, 2, 3, len(here)))
+        alone = np.zeros((0, 2, 3, len(here)))
         if self.reduced:
             C = np.ascontiguousarray(here.J[:, self.private].transpose(1, 2, 3, 0))
             private = cross(C[:, :, 3:], here.p[:, None]) + C[:, :, :3]
             one, two = private[:, 0], private[:, 1]
             normal = cross(one, two)
-            square = (normal * normal).sum(axis=1, keepdims=True)
-            d = np.concatenate([normal / np.sqrt(square), cross(two, normal) / square, cross(normal, one) / square])
+            square = np.einsum("lin,lin->ln", normal, normal)[:, None]
+            d = normal / np.sqrt(square)
+            normal /= square
+            alone = np.empty_like(private)
+            alone[:, 0], alone[:, 1] = cross(two, normal), cross(normal, one)
         else:
             R = here.oMi[:, self.carriers[::2], :9].transpose(1, 2, 0)[self.loop_of]
             local = self._local[:, :, None, None]
             d = R[:, :3] * local[:, 0] + R[:, 3:6] * local[:, 1] + R[:, 6:] * local[:, 2]
         F = np.empty((len(here), len(d), 6))
         F[..., :3] = d.transpose(2, 0, 1)
-        F[..., 3:] = cross(here.p[self._loops], d).transpose(2, 0, 1)
-        r = (d * here.g[self._loops]).sum(axis=1).T
-        return Equations(len(self.loop_of), d, F, self.by_velocities(here, F, self.solved), r, private)
+        F[..., 3:] = cross(here.p[self.loop_of], d).transpose(2, 0, 1)
+        r = np.einsum("ein,ein->ne", d, here.g[self.loop_of])
+        return Equations(d, F, self.by_velocities(here, F, self.solved), r, alone)
 
     def gap(self, here: Here, equations: Equations | None = None) -> Floats:
         """(N,) largest component of what is open, m; of planar loops in their planes."""
@@ -161,10 +168,9 @@ class LoopClosure:
 
     def by_velocities(self, here: Here, F: Floats, columns: Ints) -> Floats:
         """(N, E, c) derivative of the equations by some velocities; those of masters move their followers."""
-        signs = self._rows[: F.shape[1]]
         if self.follows:
-            return np.asarray((signs * (F @ here.J.transpose(0, 2, 1))) @ self.fold[:, columns])
-        return np.asarray(signs[:, columns] * (F @ here.J[:, columns].transpose(0, 2, 1)))
+            return np.asarray((self._rows * (F @ here.J.transpose(0, 2, 1))) @ self.fold[:, columns])
+        return np.asarray(self._rows[:, columns] * (F @ here.J[:, columns].transpose(0, 2, 1)))
 
     def inverse(self, D: Floats) -> Floats:
         """(N, e, E) inverses of D, or pseudoinverses of its rank; NaN where there is none."""
@@ -184,18 +190,31 @@ class LoopClosure:
             found[sound] = scaled @ np.swapaxes(left[:, :, : self.rank], 1, 2)
         return found
 
-    def step(self, here: Here, equations: Equations, dq: Floats | None = None) -> Floats:
-        """(N, nv) velocities that close the loops to first order, while the commands move by dq (N, n); None: not at all."""
-        V, r = np.zeros((len(here), self.robot.model.nv)), equations.open
+    def step(self, here: Here, equations: Equations, dq: Floats | None = None, inverse: Floats | None = None) -> Floats:
+        """(N, nv) velocities that close the loops to first order, while the commands move by dq (N, n); None: not at all.
+
+        ``inverse``: of the equations' D, where it is known.
+        """
+        V, r = np.zeros((len(here), self.robot.model.nv)), equations.r
         if dq is not None:
             V[:, self.driven] = dq
-            r = r + (self.by_velocities(here, equations.wrenches, self.driven) @ dq[..., None])[..., 0]
-        E = len(self.loop_of)
-        V[:, self.solved] = solved = self._solve(equations.D, -r[:, :E])
+            r = r + (self.by_velocities(here, equations.F, self.driven) @ dq[..., None])[..., 0]
+        if inverse is None:
+            V[:, self.solved] = solved = self._solve(equations.D, -r)
+        else:
+            V[:, self.solved] = solved = -(inverse @ r[..., None])[..., 0]
         if self.reduced:
-            r = r[:, E:] + (equations.rates[:, E:] @ solved[..., None])[..., 0]
-            V[:, self._eliminated] = -self._own * r
+            columns, moved = (self.solved, solved) if dq is None else (self.kept, V[:, self.kept])
+            opened = self._opened(here, moved, columns)
+            V[:, self.private] = -self._lead * np.einsum("lkin,lin->nlk", equations.alone, opened)
         return V @ self.fold.T if self.follows else V
+
+    def _opened(self, here: Here, v: Floats, columns: Ints) -> Floats:
+        """(L, 3, N) gaps after some velocities v (N, c), to first order; those of masters move their followers."""
+        if self.follows:
+            columns, v = np.arange(len(self.fold)), v @ self.fold[:, columns].T
+        moved = ((self.S[:, columns] * v[:, None]) @ here.J[:, columns]).transpose(1, 2, 0)
+        return np.asarray(here.g + moved[:, :3] + cross(moved[:, 3:], here.p))
 
     def _solve(self, D: Floats, right: Floats) -> Floats:
         if self.square:
@@ -206,15 +225,6 @@ class LoopClosure:
         return np.asarray((self.inverse(D) @ right[..., None])[..., 0])
 
     # ------------------------------------------------------------------------------------------- closing
-
-    def commanded(self, X: Floats, q: Floats) -> Floats:
-        """Configurations X (N, nq) with the actuators, and what follows them, at commands q (N, n)."""
-        X, robot = X.copy(), self.robot
-        for i, actuator in enumerate(robot.actuators):
-            _put(X, actuator.index_q, q[:, i], robot.model.nqs[actuator.joint_id] == 2)
-        for i, follower in robot.led:
-            _put(X, follower.index_q, follower.multiplier * q[:, i] + follower.offset, follower.continuous)
-        return X
 
     def newton(
         self, here: Here, placed: PlacedParts, contraction: float = CONTRACTION, equations: Equations | None = None
@@ -270,76 +280,86 @@ class LoopClosure:
         found = np.sqrt(np.einsum("nij,nij->n", inverse, inverse))
         return np.where(np.isfinite(found), found, np.inf)
 
-    def follow(self, start: Here, path: Path, largest: float, first: float = 1.0) -> tuple[Here, Mask, Floats]:
+    def follow(
+        self, start: Here, path: Path, largest: float, first: float = 1.0, begin: Floats | None = None
+    ) -> tuple[Here, Mask, Floats]:
         """Closed postures at the end of a path, in the assembly mode of its beginning.
 
         Each posture follows the path by tangents, each of which also corrects what the one before it left open; Newton's method
         closes the loops at the end. A step is so short that its correction is small in comparison with it, and that D changes
-        little in comparison with its distance from a singularity. ``start``: (N) closed postures at the beginning.
-        ``largest``: amplification from which on a posture is too near a singularity. ``first``: length of the first step, as a
-        fraction of the path; where Newton's method ends far from the tangents, the path is followed again with an eighth of it.
+        little in comparison with its distance from a singularity. ``start``: (N) closed postures at the fractions ``begin`` of
+        the path; None: at its beginning. ``largest``: amplification from which on a posture is too near a singularity.
+        ``first``: length of the first step, as a fraction of the path; where Newton's method ends far from the tangents, the
+        path is followed again with an eighth of it.
 
         Returns the last postures on the way, (N,) whether they are those of the end, and (N,) their fractions of the path.
         """
         n = len(start)
-        done, stride, error = np.zeros(n), np.full(n, first), np.zeros(n)
-        now, rows = start.copy(), np.arange(n)
-        known = self.equations(now)
-        inverse = self.inverse(known.D)
-        q = path(done, rows)[0].copy()
+        begin = np.zeros(n) if begin is None else begin
+        done, stride, error, rate = begin.copy(), np.full(n, first), np.zeros(n), np.full(n, np.inf)
+        ends, rows, here = start.copy(), np.arange(n), start
+        its = self.equations(here)
+        inverse = self.inverse(its.D)
+        q = path(done, rows)[0]
         while rows.size:
             reach = np.minimum(1.0, done[rows] + stride[rows])
             goal, placed = path(reach, rows)
-            whole = len(rows) == n
-            here, its, inverted = (now, known, inverse) if whole else (now.take(rows), known.take(rows), inverse[rows])
-            D = its.D
             if placed.anchors.ndim == 3 or (placed.placements is not None and placed.placements.ndim == 3):
-                here = self.at(here.X, placed)  # the parts move along the path too
-                its = self.equations(here)
-            V = self.step(here, its, goal - q[rows])
+                moved = self.at(here.X, placed)  # the parts move along the path too
+                V = self.step(moved, self.equations(moved), goal - q)
+            else:
+                V = self.step(here, its, goal - q, inverse)
             V[~np.isfinite(V).all(axis=1)] = 0.0
-            there = self.at(self.commanded(copies(self.robot).integrate(here.X, V), goal), placed)
+            there = self.at(self.robot.with_commands(copies(self.robot).integrate(here.X, V), goal), placed)
             ahead = self.equations(there)
             inverses = self.inverse(ahead.D)
-            change, left = _norm(inverted @ (ahead.D - D)), _norm(self.step(there, ahead)[..., None])
+            change = _norm(inverse @ (ahead.D - its.D))
+            left = _norm(self.step(there, ahead, None, inverses)[..., None])
             allowed = np.maximum(TINY, np.maximum(CONTRACTION * _norm(V[..., None]), CHANGE * error[rows]))
-            excess = np.max([change / CHANGE, left / allowed, np.abs(V).max(axis=1) / FARTHEST], axis=0)
+            excess = np.maximum(change / CHANGE, np.maximum(left / allowed, np.abs(V).max(axis=1) / FARTHEST))
             ok = (excess <= 1.0) & (self.amplification(inverses) <= largest)
-            share = AIM / np.maximum(excess, 1e-3)
-            stride[rows] *= np.where(ok, np.clip(share, 0.5, 4.0), np.clip(share, 0.1, 0.5))
-            gone = rows[ok]
-            if whole and ok.all():
-                now, known, inverse = there, ahead, inverses
-            else:
-                now.put(gone, there.take(ok))
-                known.put(gone, ahead.take(ok))
-                inverse[gone] = inverses[ok]
-            q[gone], done[gone], error[gone] = goal[ok], reach[ok], left[ok]
-            rows = rows[(done[rows] < 1.0) & (stride[rows] >= SMALLEST_STRIDE)]
+            excess = np.maximum(excess, 1e-3)
+            now = excess / stride[rows]
+            growth = np.clip(now / rate[rows], 1.0, MOST_GROWTH)
+            gone, back = rows[ok], np.flatnonzero(~ok)
+            done[gone], error[gone], rate[gone] = reach[ok], left[ok], now[ok]
+            share, own = AIM / excess, stride[rows]
+            least = np.minimum(SMALLEST_STRIDE, own * np.maximum(share, 0.5))  # growth alone gives no path up
+            longer = np.maximum(own * np.minimum(share / growth, 4.0), least)
+            stride[rows] = np.where(ok, longer, own * np.clip(share, 0.1, 0.5))
+            if back.size:
+                there.put(back, here.take(back))
+                ahead.put(back, its.take(back))
+                inverses[back], goal[back] = inverse[back], q[back]
+            here, its, inverse, q = there, ahead, inverses, goal
+            left_over = 1.0 - done[rows]
+            on = (left_over > 0.0) & (stride[rows] >= np.minimum(SMALLEST_STRIDE, left_over / NEARLY_THERE))
+            if len(on) == n and not on.any():
+                ends, rows = here, rows[on]  # all at once, as one posture: their equations are known
+            elif not on.all():
+                ends.put(rows[~on], here.take(~on))
+                rows, here, its, inverse, q = rows[on], here.take(on), its.take(on), inverse[on], q[on]
         rows = np.flatnonzero(done == 1.0)
-        whole = len(rows) == n
-        here, its = (now, known) if whole else (now.take(rows), known.take(rows))
+        if len(here) == n:
+            here, its, inverse = here.take(rows), its.take(rows), inverse[rows]
+        else:
+            here = ends.take(rows)
+            its = self.equations(here)
+            inverse = self.inverse(its.D)
         closing = self.newton(here, path(done[rows], rows)[1], equations=its)
-        change = _norm(inverse[rows] @ (closing.D - its.D))
+        change = _norm(inverse @ (closing.D - its.D))
         reached = np.zeros(n, dtype=bool)
         reached[rows] = closing.closed & (change <= CHANGE) & (self.amplification(self.inverse(closing.D)) <= largest)
-        now.put(rows[reached[rows]], closing.here.take(reached[rows]))
+        ends.put(rows[reached[rows]], closing.here.take(reached[rows]))
         again = rows[~reached[rows]]
         if again.size and first > SHORTEST_FIRST:
-            ends, reached[again], done[again] = self.follow(
-                start.take(again), lambda s, some: path(s, again[some]), largest, first / 8.0
+            others, reached[again], done[again] = self.follow(
+                start.take(again), lambda s, some: path(s, again[some]), largest, first / 8.0, begin[again]
             )
-            now.put(again, ends)
-        return now, reached, done
+            ends.put(again, others)
+        return ends, reached, done
 
 
 def _norm(matrices: Floats) -> Floats:
     found = np.sqrt(np.einsum("nij,nij->n", matrices, matrices))
     return np.where(np.isfinite(found), found, np.inf)
-
-
-def _put(X: Floats, index: int, values: Floats, continuous: bool) -> None:
-    if continuous:
-        X[:, index], X[:, index + 1] = np.cos(values), np.sin(values)
-    else:
-        X[:, index] = values

@@ -14,9 +14,9 @@ from functools import cached_property, partial
 import numpy as np
 
 from gtpin.errors import ModelError
-from gtpin.kinematics.closing import LoopClosure, cross
+from gtpin.kinematics.closing import LoopClosure
 from gtpin.kinematics.copies import copies
-from gtpin.kinematics.placed import PlacedParts, own_placements, rotation
+from gtpin.kinematics.placed import PlacedParts, rotation
 from gtpin.kinematics.postures import Here
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
@@ -110,7 +110,7 @@ def constraint_forces(loops: LoopClosure, here: Here, tau: Floats) -> Floats:
     found = np.zeros((loops.count, 3, len(here)))
     passive = tau[:, loops.solved]
     if loops.reduced:
-        found = _by_private(loops, equations.private, tau)
+        found = _by_private(loops, equations.alone, tau)
         along = found.transpose(2, 0, 1)
         wrenches = np.concatenate([along, np.cross(here.p.transpose(2, 0, 1), along)], axis=2)
         columns = here.J[:, loops.solved]
@@ -121,12 +121,10 @@ def constraint_forces(loops: LoopClosure, here: Here, tau: Floats) -> Floats:
     return found.transpose(2, 0, 1)
 
 
-def _by_private(loops: LoopClosure, a: Floats, tau: Floats) -> Floats:
+def _by_private(loops: LoopClosure, alone: Floats, tau: Floats) -> Floats:
     """(L, 3, N) the part of each loop's force that holds its two private velocities."""
-    normal = cross(a[:, 0], a[:, 1])
-    sign = loops.S[np.arange(loops.count), loops.private[:, 0]][:, None]
-    held = tau[:, loops.private].transpose(1, 2, 0) * (sign / (normal * normal).sum(axis=1))[:, None]
-    return np.asarray(held[:, 0, None] * cross(a[:, 1], normal) + held[:, 1, None] * cross(normal, a[:, 0]))
+    sign = loops.S[np.arange(loops.count)[:, None], loops.private]
+    return np.asarray(np.einsum("nlk,lk,lkin->lin", tau[:, loops.private], sign, alone))
 
 
 def _on_joints(
@@ -137,7 +135,7 @@ def _on_joints(
     robot = loops.robot
     model, n = robot.model, len(here)
     found = np.empty((n, model.njoints, 6))
-    placements = own_placements(robot) if placed.placements is None else placed.placements
+    placements = placed.of_joints(robot)
     for j in range(1, model.njoints):
         own = here.oMi[:, j]
         R = rotation(own)

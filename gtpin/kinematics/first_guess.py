@@ -65,20 +65,20 @@ class FirstGuess:
         coefficients = np.asarray(np.linalg.lstsq(weights * terms, weights * targets, rcond=None)[0])
         return FirstGuess(robot, reach, exponents, coefficients, of_regularity, margin, home)
 
-    def __call__(self, q: Floats) -> Floats:
-        """(N, nq) guessed configurations at commands q (N, n); a posture near its guess is in the assembly mode of home.
+    def __call__(self, q: Floats) -> tuple[Floats, Floats]:
+        """(N, nq) guessed configurations, and the fractions (N,) of the straight lines from home to commands q (N, n) at which
+        they are. A posture near its guess is in the assembly mode of home.
 
-        NaN outside the ranges, and where the straight line from home comes near a singularity.
+        The fraction is 1 but where the line comes near a singularity; 0 outside the ranges.
         """
         terms = _terms((q - self.robot.home_q) / self.reach, self.exponents)
-        degrees = self.exponents.sum(axis=1)
-        found = copies(self.robot).integrate(np.tile(self.X, (len(q), 1)), terms.T @ self.coefficients)
-        terms *= self.regularity[:, None]  # of a fraction s of the way: the sum of s^degree times these
-        by_degree = np.add.reduceat(terms, np.searchsorted(degrees, np.arange(degrees[-1] + 1)))
-        on_the_way = ON_THE_WAY[:, None] ** np.arange(degrees[-1] + 1) @ by_degree
+        degrees = self.exponents.sum(axis=1)[:, None]
+        regular = (ON_THE_WAY**degrees * self.regularity[:, None]).T @ terms >= self.margin
         inside = ((q >= self.robot.lower) & (q <= self.robot.upper)).all(axis=1)
-        found[~(inside & (on_the_way.min(axis=0) >= self.margin))] = np.nan
-        return found
+        s = np.append(0.0, ON_THE_WAY)[np.logical_and.accumulate(regular & inside).sum(axis=0)]
+        V, short = terms.T @ self.coefficients, np.flatnonzero(s < 1.0)
+        V[short] = (terms[:, short] * s[short] ** degrees).T @ self.coefficients
+        return copies(self.robot).integrate(np.tile(self.X, (len(q), 1)), V), s
 
 
 def nodes(robot: Chain) -> tuple[Ints, Floats] | None:

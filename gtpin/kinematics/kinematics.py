@@ -98,9 +98,13 @@ class Kinematics:
 
         Raises `ModelError` if q is not (N, n). `ClosureError` if the loops of the robot's own file are open at home.
         """
-        self.robot.check_commands(q)
+        n = self.robot.n_actuators
+        if q.ndim != 2 or q.shape[1] != n:
+            raise ModelError(
+                f"commands of shape {q.shape} for {self.robot.name}", hint=f"give an array of shape (N, {n})"
+            )
         X = np.full((len(q), self.robot.model.nq), np.nan)
-        T, R = np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan)
+        T, R, begin = np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan), np.zeros(len(q))
         near = None if start is None else start.configuration
         if near is None and self.loops.count:
             near = self._kept.get(q.tobytes()) if self._is_plain else nominal(self.robot).known(q)
@@ -109,11 +113,16 @@ class Kinematics:
         try:
             for rows in _chunks(np.arange(len(q) if at_once else 0)):
                 placed = self.placed_at(q[rows])
-                here, reached = self._first(q[rows], placed, None if near is None else near[rows], guess)
+                if guess is None:
+                    here, reached = self._first(q[rows], placed, None if near is None else near[rows])
+                else:
+                    here, begin[rows] = self._guessed(q[rows], placed, guess)
+                    reached, X[rows] = begin[rows] == 1.0, here.X
                 self._write(here, placed, reached, rows, X, T, R)
             for rows in _chunks(np.flatnonzero(np.isnan(T[:, 0])), 8 * CHUNK):
                 placed = self.placed_at(q[rows])
-                here, reached = self._from_home(self.travel(q[rows]), placed)
+                here, reached = self._from_home(self.travel(q[rows]), placed, X[rows], begin[rows])
+                X[rows] = np.nan
                 self._write(here, placed, reached, rows, X, T, R)
         except ClosureError:  # its loops are open at home: an assembly mode it has not
             if self._is_plain:
@@ -214,13 +223,15 @@ class Kinematics:
 
     # ------------------------------------------------------------------------------------------- closing
 
-    def follow(self, start: Here, q0: Floats, q: Floats, placed: PlacedParts) -> tuple[Here, Mask, Floats]:
+    def follow(
+        self, start: Here, q0: Floats, q: Floats, placed: PlacedParts, begin: Floats | None = None
+    ) -> tuple[Here, Mask, Floats]:
         """Postures at the end of the straight lines of travel from q0 (N, n) to q (N, n); see ``LoopClosure.follow``."""
 
         def line(s: Floats, rows: Ints) -> tuple[Floats, PlacedParts]:
             return q0[rows] + s[:, None] * (q[rows] - q0[rows]), placed.take(rows)
 
-        return self.loops.follow(start, line, self._largest)
+        return self.loops.follow(start, line, self._largest, begin=begin)
 
     @cached_property
     def at_home(self) -> Here:
@@ -233,7 +244,7 @@ class Kinematics:
         placed = self.placed_at(self.robot.home_q[None])
         plain = self._is_plain
         begin = robot.assembly.configuration[None] if plain else nominal(robot).at_home.X
-        closing = loops.newton(loops.at(loops.commanded(begin, q), placed), placed, contraction=1.0)
+        closing = loops.newton(loops.at(self.robot.with_commands(begin, q), placed), placed, contraction=1.0)
         if not closing.closed.all():
             if plain:
                 raise open_at_home(robot)
@@ -261,28 +272,36 @@ class Kinematics:
         loops = self.loops
         return SINGULAR * float(loops.amplification(loops.inverse(loops.equations(self.at_home).D))[0])
 
-    def _first(
-        self, q: Floats, placed: PlacedParts, near: Floats | None, guess: FirstGuess | None
-    ) -> tuple[Here, Mask]:
-        """Postures at commands (N, n) closed at once, from those nearby or from a guess, and whether they were reached."""
+    def _first(self, q: Floats, placed: PlacedParts, near: Floats | None) -> tuple[Here, Mask]:
+        """Postures at commands (N, n) closed at once from those ``near`` (N, nq), and whether they were reached."""
         loops, travel = self.loops, self.travel(q)
-        if not loops.count:
+        if near is None:
             return loops.at(self._of_tree(travel), placed), np.ones(len(q), dtype=bool)
-        if near is not None:
-            closing = loops.newton(loops.at(loops.commanded(near, travel), placed), placed)
-            amplification = loops.amplification(loops.inverse(closing.D))
-            sound = (self._regularity(closing.D) > 0.0) & (amplification <= self._largest * DOUBTFUL / SINGULAR)
-            return closing.here, closing.closed & sound
-        assert guess is not None
-        begin = loops.commanded(guess(travel), travel)
+        closing = loops.newton(loops.at(self.robot.with_commands(near, travel), placed), placed)
+        amplification = loops.amplification(loops.inverse(closing.D))
+        sound = (self._regularity(closing.D) > 0.0) & (amplification <= self._largest * DOUBTFUL / SINGULAR)
+        return closing.here, closing.closed & sound
+
+    def _guessed(self, q: Floats, placed: PlacedParts, guess: FirstGuess) -> tuple[Here, Floats]:
+        """Postures closed from a guess, and how far they are on the straight lines from home to commands (N, n): 0 to 1."""
+        loops, home, travel = self.loops, self.travel(self.robot.home_q[None]), self.travel(q)
+        X, s = guess(travel)
+        begin = self.robot.with_commands(X, np.where(s[:, None] == 1.0, travel, home + s[:, None] * (travel - home)))
         closing = loops.newton(loops.at(begin, placed), placed)
         off = np.abs(closing.here.X - begin).max(axis=1)
-        return closing.here, closing.closed & (off <= TRUSTED) & (self._regularity(closing.D) >= guess.margin)
+        right = closing.closed & (off <= TRUSTED) & (self._regularity(closing.D) >= guess.margin)
+        return closing.here, np.where(right, s, 0.0)
 
-    def _from_home(self, q: Floats, placed: PlacedParts) -> tuple[Here, Mask]:
-        """Postures at travels (N, n) along straight lines from home, or by other ways where these are blocked."""
+    def _from_home(self, q: Floats, placed: PlacedParts, X: Floats, s: Floats) -> tuple[Here, Mask]:
+        """Postures at travels (N, n) along straight lines from home, or by other ways where these are blocked.
+
+        ``X``: (N, nq) configurations that are known at fractions ``s`` (N,) of the lines; those at 0 need not be given.
+        """
         home, q_home = self.at_home, self.travel(self.robot.home_q[None])
-        found, reached, _ = self.follow(_tiled(home, len(q)), np.tile(q_home, (len(q), 1)), q, placed)
+        start, known = _tiled(home, len(q)), np.flatnonzero(s)
+        if known.size:
+            start.put(known, self.loops.at(X[known], placed.take(known)))
+        found, reached, _ = self.follow(start, np.tile(q_home, (len(q), 1)), q, placed, s)
         lost = np.flatnonzero(~reached)
         if not lost.size:
             return found, reached
@@ -309,7 +328,7 @@ class Kinematics:
         """Postures with displaced frames at other commands; near those X (N, nq) at q."""
         loops, robot, goal = self.loops, self.robot, self.travel(commands)
         moved = twisted(robot, placed, twists)
-        closing = loops.newton(loops.at(loops.commanded(X, goal), moved), moved)
+        closing = loops.newton(loops.at(self.robot.with_commands(X, goal), moved), moved)
         here, reached = closing.here, closing.closed
         rows = np.flatnonzero(~reached & np.isfinite(X).all(axis=1))
         if loops.count and rows.size:
@@ -349,7 +368,7 @@ class Kinematics:
         return X
 
     def _of_tree(self, travel: Floats) -> Floats:
-        return self.loops.commanded(np.tile(self.robot.neutral, (len(travel), 1)), travel)
+        return self.robot.with_commands(np.tile(self.robot.neutral, (len(travel), 1)), travel)
 
     @cached_property
     def _guess(self) -> FirstGuess | None:
@@ -361,7 +380,8 @@ class Kinematics:
         regularity = self._regularity(self.loops.equations(self.loops.at(X, self.placed)).D)
         guess = FirstGuess.fit(self.robot, exponents, home, q, X, regularity)
         if guess is not None:
-            here, reached = self._first(q, self.placed, None, guess)
+            here, s = self._guessed(q, self.placed, guess)
+            reached = s == 1.0
             right = np.abs(here.X[reached] - X[reached]).max(axis=1, initial=0.0) <= SAME
             guess = guess if right.all() and np.mean(reached) >= USABLE else None
         return guess

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from gtpin.kinematics.closing import LoopClosure
-from gtpin.kinematics.placed import Moves, PlacedParts, own_placements, rotation
+from gtpin.kinematics.placed import Moves, PlacedParts, rotation
 from gtpin.kinematics.postures import Here
 from gtpin.kinematics.rotations import skew
 from gtpin.typing import Floats, Ints
@@ -26,7 +26,7 @@ class FrameMotion:
     def __init__(self, loops: LoopClosure, here: Here, placed: PlacedParts) -> None:
         self._loops, self._placed, self._oMi = loops, placed, here.oMi
         robot, n = loops.robot, len(here)
-        self._J = robot.model.njoints - 1
+        self._J, self._placements = robot.model.njoints - 1, placed.of_joints(robot)
         tcp = here.oMi[:, robot.tcp_joint]
         self._R_tcp, self._T_tcp = _times(tcp, placed.tcp)
         J_tcp = np.swapaxes(here.J * loops.tcp[:, None], 1, 2)
@@ -63,24 +63,19 @@ class FrameMotion:
             anchor = index - self._J - 1
             carrier, at = self._oMi[:, self._loops.carriers[anchor]], self._placed.anchors[..., anchor, :, None]
             return self._rotation(index), (rotation(carrier) @ at)[..., 0] + carrier[:, 9:]
-        placements = self._own if self._placed.placements is None else self._placed.placements
-        return _times(self._oMi[:, self._loops.parents[index + 1]], placements[..., index, :])
+        return _times(self._oMi[:, self._loops.parents[index + 1]], self._placements[..., index, :])
 
     def _rotation(self, index: int) -> Floats:
         """(N, 3, 3) rotation of a frame."""
         if index == self._J:
             return self._R_tcp
         if index < self._J:
-            placements = self._own if self._placed.placements is None else self._placed.placements
-            return rotation(self._oMi[:, self._loops.parents[index + 1]]) @ rotation(placements[..., index, :])
+            parent = self._oMi[:, self._loops.parents[index + 1]]
+            return rotation(parent) @ rotation(self._placements[..., index, :])
         anchor = index - self._J - 1
         axes = self._loops.robot.anchor_axes[anchor]
         R = rotation(self._oMi[:, self._loops.carriers[anchor]])
         return R if np.array_equal(axes, np.eye(3)) else R @ axes
-
-    @cached_property
-    def _own(self) -> Floats:
-        return own_placements(self._loops.robot)
 
     def by_twist(self, index: int, twist: Floats) -> Floats:
         """(N, 6 + k, m) motion by twists (N, 6, m) or (6, m) of one frame, in its own axes."""

@@ -32,6 +32,10 @@ class PlacedParts:
     anchors: Floats
     tcp: Floats
 
+    def of_joints(self, robot: Chain) -> Floats:
+        """(J, 12) or (N, J, 12) placements of the joints on their parents, also where they are those of the robot's file."""
+        return own_placements(robot) if self.placements is None else self.placements
+
     def take(self, rows: Ints | Mask) -> PlacedParts:
         """The places at some of the postures."""
         placements, anchors, tcp = self.placements, self.anchors, self.tcp
@@ -128,8 +132,7 @@ def twisted(robot: Chain, placed: PlacedParts, twists: Mapping[int, Floats]) -> 
     found = placed
     joints = {f: twist for f, twist in twists.items() if f < J}
     if joints:
-        own = own_placements(robot) if placed.placements is None else placed.placements
-        moved = np.array(np.broadcast_to(own, (n, J, 12)))
+        moved = np.array(np.broadcast_to(placed.of_joints(robot), (n, J, 12)))
         for f, twist in joints.items():
             moved[:, f] = _after(moved[:, f], twist)
         found = replace(found, placements=moved)
@@ -149,18 +152,8 @@ def _after(placements: Floats, twist: Floats) -> Floats:
     R, w = rotation(placements), twist[:, 3:]
     found = np.empty_like(placements)
     found[:, :9] = np.swapaxes(R @ exp(w), 1, 2).reshape(-1, 9)
-    found[:, 9:] = placements[:, 9:] + np.einsum("nij,njk,nk->ni", R, _left_jacobians(w), twist[:, :3])
+    found[:, 9:] = placements[:, 9:] + np.einsum("nij,njk,nk->ni", R, left_jacobian(w), twist[:, :3])
     return found
-
-
-def _left_jacobians(w: Floats) -> Floats:
-    """(N, 3, 3) the integrals of exp(s w) over s from 0 to 1: a series, as the rotations are small or zero."""
-    K = skew(w)
-    term, total, k = np.broadcast_to(np.eye(3), K.shape), np.broadcast_to(np.eye(3), K.shape), 1
-    while term.size and np.abs(term).max() > np.finfo(float).eps:
-        term = term @ K / (k + 1)
-        total, k = total + term, k + 1
-    return np.asarray(total)
 
 
 def joints_on_carrier(geometry: Geometry, actuator: int) -> Iterator[tuple[int, list[int]]]:
@@ -177,7 +170,7 @@ def joints_on_carrier(geometry: Geometry, actuator: int) -> Iterator[tuple[int, 
 def carrier_rates(geometry: Geometry) -> Floats:
     """(k, 3) motion of each rod's joint on its carrier per unit of its actuator's command, all commands zero, base frame."""
     robot, placed = geometry.robot, placed_by(geometry)
-    own = own_placements(robot) if placed.placements is None else placed.placements
+    own = placed.of_joints(robot)
     rates = np.zeros((len(robot.rod_seats), 3))
     for i, (seat, carrier) in enumerate(zip(robot.rod_seats, robot.rod_carriers, strict=True)):
         if carrier is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -67,32 +67,29 @@ class Poses(Shown):
             found[first], found[~first] = a, b
             return found
 
-        joints = {name: whole(x, others.joints[name]) for name, x in some.joints.items()}
-        one, two = some.configuration, others.configuration
-        configuration = None if one is None or two is None else whole(one, two)
-        return Poses(whole(some.T, others.T), whole(some.R, others.R), joints, configuration)
+        return some._joined(others, whole)
 
     def __len__(self) -> int:
         return len(self.T)
 
     def __getitem__(self, rows: npt.NDArray[np.generic] | slice) -> Poses:
         """The poses that a mask, indices or a slice select."""
-        configuration = None if self.configuration is None else self.configuration[rows]
-        return Poses(self.T[rows], self.R[rows], {name: x[rows] for name, x in self.joints.items()}, configuration)
+        return self._joined(self, lambda x, _: x[rows])
 
     def followed_by(self, others: Poses) -> Poses:
         """These poses, followed by the poses ``others``."""
-        joints = {name: np.concatenate([x, others.joints[name]]) for name, x in self.joints.items()}
-        one, two = self.configuration, others.configuration
-        configuration = None if one is None or two is None else np.vstack([one, two])
-        return Poses(np.vstack([self.T, others.T]), np.concatenate([self.R, others.R]), joints, configuration)
+        return self._joined(others, lambda x, y: np.concatenate([x, y]))
 
     def copy(self) -> Poses:
         """The same poses in arrays of their own."""
-        joints = {name: x.copy() for name, x in self.joints.items()}
-        return Poses(
-            self.T.copy(), self.R.copy(), joints, None if self.configuration is None else self.configuration.copy()
-        )
+        return self._joined(self, lambda x, _: x.copy())
+
+    def _joined(self, others: Poses, join: Callable[[Floats, Floats], Floats]) -> Poses:
+        """The poses of which each array is ``join`` of these and others'."""
+        one, two = self.configuration, others.configuration
+        joints = {name: join(x, others.joints[name]) for name, x in self.joints.items()}
+        configuration = None if one is None or two is None else join(one, two)
+        return Poses(join(self.T, others.T), join(self.R, others.R), joints, configuration)
 
     def put(self, rows: npt.NDArray[np.generic] | slice, some: Poses) -> None:
         """Write other poses into some rows of these arrays."""

@@ -78,11 +78,7 @@ class ClosedPosture:
     @cached_property
     def constraint_data(self) -> Any:
         """``pinocchio.StdVec_ConstraintData`` for ``robot.constraint_models`` at this posture, as Pinocchio takes it."""
-        found = pin.StdVec_ConstraintData()
-        for constraint in self.robot.constraint_models:
-            found.append(constraint.createData())
-            constraint.calc(self.robot.model, self.data, found[-1])
-        return found
+        return self.robot.constraint_data(self.data)
 
     def of(self, frame: str | None) -> ClosedPosture:
         """The same posture, with ``T``, ``R``, ``tcp`` and the derivatives of another frame; see ``frame`` above."""
@@ -119,13 +115,7 @@ class ClosedPosture:
         It is ``pinocchio.getConstraintsJacobian`` for ``robot.constraint_models``; of a planar loop, two components in its
         plane. The column of a joint that other joints follow (``<mimic>``) includes the motion of these joints.
         """
-        robot = self.robot
-        if not robot.constraints:
-            return _frozen(np.zeros((0, robot.model.nv)))
-        J = np.asarray(
-            pin.getConstraintsJacobian(robot.model, self.data, robot.constraint_models, self.constraint_data)
-        )
-        return _frozen(robot.closing(robot.folded(J.reshape(-1, robot.model.nv))))
+        return _frozen(self.robot.closing(self.robot.gaps_jacobian(self.data)))
 
     @cached_property
     def tcp_jacobian(self) -> Floats:

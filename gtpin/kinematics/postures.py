@@ -37,48 +37,26 @@ class Here:
 
 @dataclass(frozen=True)
 class Equations:
-    """The closure equations at N postures, E of the solved velocities and then those of the eliminated ones, in all M.
+    """The E closure equations at N postures: directions d (E, 3, N), wrenches F (N, E, 6) along these, derivative D (N, E, e)
+    by the solved velocities, and components r (N, E) of the gaps, m.
 
-    Their directions (M, 3, N), wrenches (N, M, 6) along these, derivative ``rates`` (N, M, e) by the solved velocities, and
-    components ``open`` (N, M) of the gaps; ``private``: (L, 2, 3, N) the motions of the anchors by eliminated velocities.
+    ``alone``: (L, 2, 3, N) directions of the gap that one eliminated velocity alone closes, per unit of this velocity.
     """
 
-    count: int
-    directions: Floats
-    wrenches: Floats
-    rates: Floats
-    open: Floats
-    private: Floats
-
-    @property
-    def d(self) -> Floats:
-        """(E, 3, N) directions of the first E."""
-        return self.directions[: self.count]
-
-    @property
-    def F(self) -> Floats:
-        """(N, E, 6) their wrenches."""
-        return self.wrenches[:, : self.count]
-
-    @property
-    def D(self) -> Floats:
-        """(N, E, e) their derivative."""
-        return self.rates[:, : self.count]
-
-    @property
-    def r(self) -> Floats:
-        """(N, E) their components of the gaps, m."""
-        return self.open[:, : self.count]
+    d: Floats
+    F: Floats
+    D: Floats
+    r: Floats
+    alone: Floats
 
     def take(self, rows: Ints | Mask) -> Equations:
         """Those of some of the postures."""
-        d, private = self.directions[..., rows], self.private[..., rows]
-        return Equations(self.count, d, self.wrenches[rows], self.rates[rows], self.open[rows], private)
+        return Equations(self.d[..., rows], self.F[rows], self.D[rows], self.r[rows], self.alone[..., rows])
 
     def put(self, rows: Ints, some: Equations) -> None:
         """Write those of some postures into these arrays."""
-        self.wrenches[rows], self.rates[rows], self.open[rows] = some.wrenches, some.rates, some.open
-        self.directions[..., rows], self.private[..., rows] = some.directions, some.private
+        self.F[rows], self.D[rows], self.r[rows] = some.F, some.D, some.r
+        self.d[..., rows], self.alone[..., rows] = some.d, some.alone
 
 
 @dataclass(frozen=True)

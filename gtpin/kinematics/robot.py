@@ -334,7 +334,7 @@ class Robot(Chain):
         commands = np.atleast_2d(self._commands(q))
         configuration = self._poses(commands).configuration
         if configuration is None:  # of a tree
-            configuration = np.array([self.with_commands(self.neutral, row) for row in commands])
+            configuration = self.with_commands(self.neutral, commands)
         return Moving(self, configuration)
 
     def _poses(self, q: Floats) -> Poses:

@@ -56,30 +56,31 @@ def log(matrices: Floats) -> Floats:
     return found.reshape(matrices.shape[:-1])
 
 
-def left_jacobian(vector: Floats) -> Floats:
-    """(3, 3) matrix that takes a change of a rotation vector (3,) to the rotation vector, in the fixed frame, of the change."""
-    angle = float(np.linalg.norm(vector))
-    K = skew(vector)
-    if angle < 1e-4:
-        return np.asarray(np.eye(3) + K / 2.0 + K @ K / 6.0)
-    return np.asarray(np.eye(3) + (1.0 - np.cos(angle)) / angle**2 * K + (angle - np.sin(angle)) / angle**3 * (K @ K))
+def left_jacobian(vectors: Floats) -> Floats:
+    """(..., 3, 3) matrices that take a change of rotation vectors (..., 3) to the rotation vectors, in the fixed frame, of the
+    change."""
+    return _integral(skew(vectors))
 
 
 def twist_jacobian(twist: Floats) -> Floats:
-    """(6, 6) matrix that takes a change of a twist (6,), m and rad, to the twist of the change, in the moved frame's axes.
-
-    The series sum_k (-ad)^k / (k + 1)! (Lynch and Park, Modern Robotics, 2017, ch. 3). Closed forms lose half of the digits at
-    rotations below a milliradian, which deviations of placements have.
-    """
+    """(6, 6) matrix that takes a change of a twist (6,), m and rad, to the twist of the change, in the moved frame's axes."""
     ad = np.zeros((6, 6))
     ad[:3, :3] = ad[3:, 3:] = skew(twist[3:])
     ad[:3, 3:] = skew(twist[:3])
-    term, total = np.eye(6), np.eye(6)
+    return _integral(-ad)
+
+
+def _integral(A: Floats) -> Floats:
+    """The integrals of exp(s A) over s from 0 to 1, of matrices A (..., n, n).
+
+    The series sum_k A^k / (k + 1)! (Lynch and Park, Modern Robotics, 2017, ch. 3). Closed forms lose half of the digits at
+    rotations below a milliradian, which deviations of placements have.
+    """
+    term = total = np.broadcast_to(np.eye(A.shape[-1]), A.shape)
     k = 1
-    while np.abs(term).max() > np.finfo(float).eps:
-        term = -term @ ad / (k + 1)
-        total = total + term
-        k += 1
+    while term.size and np.abs(term).max() > np.finfo(float).eps:
+        term = term @ A / (k + 1)
+        total, k = total + term, k + 1
     return np.asarray(total)
 
 

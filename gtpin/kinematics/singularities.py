@@ -133,7 +133,7 @@ def _postures(robot: Robot, at: npt.ArrayLike | ClosedPosture) -> tuple[Floats, 
     if q.ndim != 2:
         return _postures(robot, robot.forward(q))
     X = nominal(robot).forward(q).configuration
-    return q, np.array([robot.with_commands(robot.neutral, row) for row in q]) if X is None else X
+    return q, robot.with_commands(robot.neutral, q) if X is None else X
 
 
 def _regularity(joints: Sequence[str], J: Floats, most: int) -> Regularity:

@@ -209,20 +209,22 @@ class PaperKinematics(Kinematics):
                 moved[:, :, rod.carrier] += at.by_twist(frame_of_anchor(self.robot, rod.seat), twist)[..., 0]
         return np.asarray(moved)
 
-    def follow(self, start: Here, q0: Floats, q: Floats, placed: PlacedParts) -> tuple[Here, Mask, Floats]:
+    def follow(
+        self, start: Here, q0: Floats, q: Floats, placed: PlacedParts, begin: Floats | None = None
+    ) -> tuple[Here, Mask, Floats]:
         """As that of `Kinematics`, with the joints on the carriers at C(q) all along the line."""
 
         def line(s: Floats, rows: Ints) -> tuple[Floats, PlacedParts]:
             travel = q0[rows] + s[:, None] * (q[rows] - q0[rows])
             return travel, self.placed_at(travel / self._drives)
 
-        return self.loops.follow(start, line, self._largest)
+        return self.loops.follow(start, line, self._largest, begin=begin)
 
-    def _from_home(self, q: Floats, placed: PlacedParts) -> tuple[Here, Mask]:
+    def _from_home(self, q: Floats, placed: PlacedParts, X: Floats, s: Floats) -> tuple[Here, Mask]:
         rows, reached = np.flatnonzero(~self.geometry.outside(q)), np.zeros(len(q), dtype=bool)
         found = self.at_home.take(np.zeros(len(q), dtype=int))
         if rows.size:
-            closed, reached[rows] = super()._from_home(q[rows], placed.take(rows))
+            closed, reached[rows] = super()._from_home(q[rows], placed.take(rows), X[rows], s[rows])
             found.put(rows, closed)
         return found, reached
 

@@ -191,7 +191,7 @@ def closest(robot: ConstrainedModel, configuration: Floats) -> tuple[Floats, flo
 
     def slopes(x: Floats) -> Floats:
         _gaps(robot, _moved(robot, configuration, x))
-        return np.asarray(robot.seeking @ robot.gaps_jacobian()[:, robot.passive])
+        return np.asarray(robot.seeking @ robot.gaps_jacobian(robot.data)[:, robot.passive])
 
     # Coordinates of a floating platform do not add up, so that the derivative by all of them is not that of Pinocchio.
     way: Any = slopes if all(robot.model.nvs[j] == 1 for j in range(1, robot.model.njoints)) else "2-point"
@@ -339,7 +339,7 @@ def _at_declared_home(robot: ConstrainedModel, start: Floats) -> Floats:
 
 def _moved(robot: ConstrainedModel, configuration: Floats, x: Floats) -> Floats:
     """Configuration with the passive coordinates moved by x (p,)."""
-    moved: Floats = pin.integrate(robot.model, configuration, robot.tree_velocity(None, x))
+    moved: Floats = pin.integrate(robot.model, configuration, robot.tree_velocity(x))
     return moved
 
 
@@ -390,7 +390,7 @@ def _undetermined(robot: ConstrainedModel, home: Floats, notes: list[str]) -> Fl
 
 def _slopes(robot: ConstrainedModel, configuration: Floats) -> Floats:
     pin.computeJointJacobians(robot.model, robot.data, configuration)
-    return robot.closing(robot.gaps_jacobian())[:, robot.passive]
+    return robot.closing(robot.gaps_jacobian(robot.data))[:, robot.passive]
 
 
 def _null_space(matrix: Floats, zero: float = ZERO) -> Floats:

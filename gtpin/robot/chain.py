@@ -221,16 +221,6 @@ class Chain(ConstrainedModel):
         return () if self.rods else self.sites
 
     @property
-    def rod_drivers(self) -> tuple[int | None, ...]:
-        """By rod, the index of the actuator that moves its carrier joint or changes its length; None where none does."""
-        return tuple(rod.driver for rod in self.rods)
-
-    @property
-    def rod_extensions(self) -> tuple[int | None, ...]:
-        """By rod, the index of the actuator that changes its length; None where none does."""
-        return tuple(rod.extension for rod in self.rods)
-
-    @property
     def rod_loops(self) -> dict[str, tuple[str, int, Floats]]:
         """By site of a rod: its loop, which of the loop's ends is on the rod, 0 or 1, and (3,) its joint on the platform, TCP
         frame, m."""

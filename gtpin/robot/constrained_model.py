@@ -19,9 +19,9 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.errors import ModelError, RobotError, warn
+from gtpin.errors import RobotError, warn
 from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
-from gtpin.robot.resting import folded, followers, moving_model, neutral, put
+from gtpin.robot.resting import followers, moving_model, neutral, put
 from gtpin.typing import Floats, Mask
 
 POSTURES = 6
@@ -178,6 +178,10 @@ class ConstrainedModel:
         """Scratch memory for the time in which the robot is built."""
         self.neutral: Floats = neutral(self.model, description)
         self.followers = followers(self.model, description.tree.mimics)
+        self.fold: Floats = np.eye(self.model.nv)
+        """(nv, nv) velocities of all joints by those of the joints that follow no other."""
+        for follower in self.followers:
+            self.fold[follower.index_v, follower.master_v] = follower.multiplier
         pin.computeJointJacobians(self.model, self.data, self.neutral)
         self.actuators = tuple(self._actuator(element) for element in elements)
         driven = [actuator.index_v for actuator in self.actuators]
@@ -188,7 +192,7 @@ class ConstrainedModel:
         self.driven = driven
         self._index_q = np.array([actuator.index_q for actuator in self.actuators])
         self._continuous = [i for i, a in enumerate(self.actuators) if self.model.nqs[a.joint_id] == 2]
-        self.led = [
+        self._led = [
             (driven.index(follower.master_v), follower) for follower in self.followers if follower.master_v in driven
         ]
         passive = np.setdiff1d(np.arange(self.model.nv), driven + [follower.index_v for follower in self.followers])
@@ -210,7 +214,11 @@ class ConstrainedModel:
         named = home or description.tcp or description.platform or self.tcp_frame
         self.home_joint, self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))
         self.anchors = tuple(self._placement(anchor) for anchor in self._anchor_elements)
-        self._close()
+        pairs = zip(self.anchors[::2], self.anchors[1::2], strict=True)
+        self.constraints = tuple(pin.PointAnchorConstraintModel(self.model, *a, *b) for a, b in pairs)
+        self.constraint_models = pin.StdVec_ConstraintModel()
+        for constraint in self.constraints:
+            self.constraint_models.append(pin.ConstraintModel(constraint))
         self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
         """Largest coordinate of a joint with all commands zero, base frame, but at least 1, m. Rounding errors grow with it."""
         self._check_size()
@@ -227,16 +235,6 @@ class ConstrainedModel:
         self.seeking: Floats = np.vstack([in_planes(planes), self._levers()])
         """(m + k, 3 L) as the matrix of :meth:`closing`, with equations for loops of type ``fixed`` that tell half turns."""
         self.plane_axes: tuple[Floats | None, ...] = tuple(axes_of(n) if len(n) else None for n in planes)
-
-    def _close(self) -> None:
-        """Make the constraint models, and scratch memory for the time in which the robot is built."""
-        pairs = zip(self.anchors[::2], self.anchors[1::2], strict=True)
-        self.constraints = tuple(pin.PointAnchorConstraintModel(self.model, *a, *b) for a, b in pairs)
-        self.constraint_models, data = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
-        for constraint in self.constraints:
-            self.constraint_models.append(pin.ConstraintModel(constraint))
-            data.append(self.constraint_models[-1].createData())
-        self.constraint_vectors = (self.constraint_models, data)
 
     @property
     def _anchor_elements(self) -> list[Anchor]:
@@ -358,28 +356,22 @@ class ConstrainedModel:
         return self.with_commands(configuration, self.home_q)
 
     def with_commands(self, configuration: Floats, q: Floats) -> Floats:
-        """Pinocchio configuration with the actuators at ``q`` (n,) and everything else as in ``configuration``."""
-        changed = configuration.copy()
-        changed[self._index_q] = q
+        """Configurations (..., nq) with the actuators at ``q`` (..., n), and all else as in ``configuration`` (..., nq)."""
+        changed = np.array(np.broadcast_to(configuration, (*q.shape[:-1], configuration.shape[-1])))
+        changed[..., self._index_q] = q
         for i in self._continuous:
-            put(changed, self._index_q[i], q[i], True)
-        for i, follower in self.led:
-            follower.put(changed, q[i])
+            put(changed, self._index_q[i], q[..., i], True)
+        for i, follower in self._led:
+            put(changed, follower.index_q, follower.multiplier * q[..., i] + follower.offset, follower.continuous)
         return changed
 
-    def tree_velocity(self, commands: Floats | None, passive: Floats) -> Floats:
-        """(nv,) Pinocchio velocity, from velocities of the commands (n,), None for 0, and of the passive coordinates (p,)."""
-        velocity = np.zeros(self.model.nv)
-        if commands is not None:
-            velocity[self.driven] = commands
-        velocity[self.passive] = passive
-        for follower in self.followers:
-            velocity[follower.index_v] = follower.multiplier * velocity[follower.master_v]
-        return velocity
+    def tree_velocity(self, passive: Floats) -> Floats:
+        """(nv,) Pinocchio velocity, from those of the passive coordinates (p,), at constant commands."""
+        return self.fold[:, self.passive] @ passive
 
     def folded(self, derivative: Floats) -> Floats:
         """A derivative (..., nv) by Pinocchio velocities, in which the columns of masters include the motion of followers."""
-        return folded(derivative, self.followers)
+        return derivative @ self.fold if self.followers else derivative
 
     def closing(self, gaps: Floats) -> Floats:
         """Values (m, ...) of the closure equations, from the vectors (3 k, ...) between the anchors of k loops.
@@ -388,26 +380,6 @@ class ConstrainedModel:
         those in its plane.
         """
         return gaps if self._in_planes is None else self._in_planes @ gaps
-
-    def spread(self, multipliers: Floats) -> Floats:
-        """Forces (3 k, ...) at the anchors of k loops, from the Lagrange multipliers (m, ...) of the closure equations.
-
-        The transpose of :meth:`closing`: a planar loop transmits no force across its plane, where its joints have play.
-        """
-        return multipliers if self._in_planes is None else self._in_planes.T @ multipliers
-
-    def check_commands(self, q: Floats) -> None:
-        """Check the shape of commands.
-
-        Raises
-        ------
-        ModelError
-            If it is not (N, n).
-        """
-        if q.ndim != 2 or q.shape[1] != self.n_actuators:
-            raise ModelError(
-                f"commands of shape {q.shape} for {self.name}", hint=f"give an array of shape (N, {self.n_actuators})"
-            )
 
     # ------------------------------------------------------------------------------------------------ building
 
@@ -487,13 +459,19 @@ class ConstrainedModel:
         pairs = zip(ends[::2], ends[1::2], strict=True)
         return np.array([one.actInv(other).translation for one, other in pairs]).ravel()
 
-    def gaps_jacobian(self) -> Floats:
-        """(3 L, nv) derivative of :meth:`gaps`; joints that follow others (``<mimic>``) move with them."""
+    def constraint_data(self, data: Any) -> Any:
+        """``pinocchio.StdVec_ConstraintData`` for :attr:`constraint_models` where ``data`` has the joints' Jacobians."""
+        found = pin.StdVec_ConstraintData()
+        for constraint in self.constraint_models:
+            found.append(constraint.createData())
+            constraint.calc(self.model, data, found[-1])
+        return found
+
+    def gaps_jacobian(self, data: Any) -> Floats:
+        """(3 L, nv) derivative of the gaps where ``data`` is; joints that follow others (``<mimic>``) move with them."""
         if not self.constraints:
             return np.zeros((0, self.model.nv))
-        for constraint, data in zip(*self.constraint_vectors, strict=True):
-            constraint.calc(self.model, self.data, data)
-        jacobian = pin.getConstraintsJacobian(self.model, self.data, *self.constraint_vectors)
+        jacobian = pin.getConstraintsJacobian(self.model, data, self.constraint_models, self.constraint_data(data))
         return self.folded(np.reshape(jacobian, (-1, self.model.nv)))
 
     def relative_motions(self, configurations: Sequence[Floats]) -> Floats:
@@ -501,7 +479,7 @@ class ConstrainedModel:
         found = []
         for configuration in configurations:
             pin.computeJointJacobians(self.model, self.data, configuration)
-            found.append(self.gaps_jacobian()[:, self.passive])
+            found.append(self.gaps_jacobian(self.data)[:, self.passive])
         return np.hstack(found)
 
     def planes_of(self, motions: Floats, zero: float = PARALLEL) -> tuple[Floats, ...]:

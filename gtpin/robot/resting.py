@@ -241,10 +241,6 @@ class Follower:
     offset: float
     continuous: bool
 
-    def put(self, configuration: Floats, master: float) -> None:
-        """Write its coordinate, from that of its master, into a Pinocchio configuration (nq,)."""
-        put(configuration, self.index_q, self.multiplier * master + self.offset, self.continuous)
-
 
 def followers(model: Any, mimics: Sequence[Mimic]) -> tuple[Follower, ...]:
     """The followers among the joints of a Pinocchio model."""
@@ -265,19 +261,9 @@ def followers(model: Any, mimics: Sequence[Mimic]) -> tuple[Follower, ...]:
     return tuple(found)
 
 
-def put(configuration: Floats, index: int, value: float, continuous: bool) -> None:
-    """Write a joint's coordinate into a Pinocchio configuration (nq,); of a continuous joint it has the cosine and sine."""
+def put(configurations: Floats, index: int, values: Floats | float, continuous: bool) -> None:
+    """Write a joint's coordinate into configurations (..., nq); of a continuous joint these have the cosine and sine."""
     if continuous:
-        configuration[index : index + 2] = np.cos(value), np.sin(value)
+        configurations[..., index], configurations[..., index + 1] = np.cos(values), np.sin(values)
     else:
-        configuration[index] = value
-
-
-def folded(derivative: Floats, followers: Sequence[Follower]) -> Floats:
-    """A derivative (..., nv) by Pinocchio velocities: each follower's column times its multiplier is added to its master's."""
-    if not followers:
-        return derivative
-    total = derivative.copy()
-    for follower in followers:
-        total[..., follower.master_v] += follower.multiplier * derivative[..., follower.index_v]
-    return total
+        configurations[..., index] = values

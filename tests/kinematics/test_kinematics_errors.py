@@ -83,7 +83,7 @@ def test_one_singular_pose_in_a_batch_spoils_no_other(machine: Closures, closure
     equations = loops.equations(here)
     dq = np.full(q.shape, 0.01)
     steps, inverses = loops.step(here, equations, dq), loops.inverse(equations.D)
-    spoiled = replace(equations, rates=equations.rates.copy())
+    spoiled = replace(equations, D=equations.D.copy())
     spoiled.D[1:3] = spoilt
     found, inverse = loops.step(here, spoiled, dq), loops.inverse(spoiled.D)
     np.testing.assert_allclose(found[[0, 3]], steps[[0, 3]], rtol=0, atol=1e-12)

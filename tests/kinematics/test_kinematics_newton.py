@@ -18,7 +18,9 @@ def test_newton_from_a_neighbouring_posture_needs_at_most_four_steps(robot: gtpi
     poses, neighbour = arrays.forward(q), q + 0.05 * rng.uniform(-1.0, 1.0, q.shape)
     # From the neighbour's own coordinates, with nothing but the carts moved.
     assert poses.configuration is not None
-    closing = loops.newton(loops.at(loops.commanded(poses.configuration, neighbour), arrays.placed), arrays.placed)
+    closing = loops.newton(
+        loops.at(arrays.robot.with_commands(poses.configuration, neighbour), arrays.placed), arrays.placed
+    )
     assert closing.closed.all()
     assert closing.steps.max() <= 4
     np.testing.assert_allclose(closing.here.X, arrays.forward(neighbour).configuration, rtol=0, atol=1e-12)
