@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.calibration.checks.readings import RotationReading, misread, orientation_readings, position_readings
+from gtpin.calibration.checks.readings import rotation_readings
 from gtpin.calibration.checks.recognise import either
 from gtpin.calibration.checks.suspected import refuse, suspect
 from gtpin.calibration.gauss_newton import Fit
@@ -57,8 +55,8 @@ def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> Non
     A = J.reshape(-1, J.shape[2]) * weight[:, None]
     solve = np.linalg.solve(A.T @ A + np.diag(problem.prior), A.T)
 
-    rotation, readings = Rotation.from_matrix(some.R), _readings()
-    rotations = [some.R, *(reading.read(rotation) for reading in readings)]
+    readings = list(rotation_readings(Rotation.from_matrix(some.R), turned=True))
+    rotations = [reading.R for reading in readings]
     count = len(rotations)
     read = Poses(np.tile(some.T, (count, 1)), np.concatenate(rotations))
     difference = read.minus(Poses(np.tile(predicted.T, (count, 1)), np.tile(predicted.R, (count, 1, 1))))
@@ -69,7 +67,7 @@ def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> Non
     least = min(others)
     if not (least < LEFT * now and least < now - GAIN):
         return
-    found = [reading for value, reading in zip(others, readings, strict=True) if value <= AS_GOOD * least]
+    found = [reading for value, reading in zip(others, readings[1:], strict=True) if value <= AS_GOOD * least]
     looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in found), strict=True))
     of_each = (sigmas * np.sqrt(sums / (3.0 * fit.weight[rows].sum()))).tolist()
     before, after = (tuple(of_each[i]) for i in (0, 1 + others.index(least)))
@@ -77,10 +75,3 @@ def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> Non
     if least <= CERTAIN * now:
         return refuse(error, dataset)
     suspect(error, dataset, before, after, exact=True)
-
-
-@cache
-def _readings() -> tuple[RotationReading, ...]:
-    as_written = next(position_readings(turned=True))
-    known: list[RotationReading] = [*misread(), *orientation_readings(as_written, turned=True)]
-    return tuple(reading for reading in known if reading.looks)

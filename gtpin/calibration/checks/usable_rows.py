@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from gtpin.calibration.checks.commands import REACHED
 from gtpin.calibration.checks.mixed_units import check_mixed_units
 from gtpin.calibration.checks.moved_sessions import check_sessions
 from gtpin.calibration.checks.readable_readings import check_distances
-from gtpin.calibration.checks.recognise import ALLOWED, FITS, REACHED, Interpretation, recognised
+from gtpin.calibration.checks.recognise import ALLOWED, FITS, Interpretation, recognised
 from gtpin.calibration.checks.suspected import NO_FIT, PLAUSIBLE, Size, refuse, suspect
 from gtpin.calibration.free_target import with_target
 from gtpin.calibration.gauss_newton import fit
@@ -100,7 +101,7 @@ def check_other_readings(
     read = dataset.instrument.model_copy(update={"frame": "free"}) if free else dataset.instrument
     before = left_after_fit(nominal, measured_poses(dataset.take(rows)), dataset.instrument)
     after, turned = (
-        left_after_fit(nominal, looks.corrected(nominal, free), read),
+        left_after_fit(nominal, looks.measured, read),
         looks.columns == " ".join(ORIENTATION),
     )
     suspect(error, dataset, before, after, exact=turned)
