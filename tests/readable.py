@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import gtpin
+from gtpin.calibration.checks.instruments import Misfit, check_readable
 from gtpin.calibration.checks.of_readings import usable_readings
-from gtpin.calibration.checks.readable_readings import Misfit, check_readable
 from gtpin.calibration.checks.usable_rows import problem_of, reach_of
 from gtpin.model.measured_robot import measuring, robot_of
 

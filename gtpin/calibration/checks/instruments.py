@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 
-from gtpin.calibration.checks.read_otherwise import UNITS, Otherwise, ways
+from gtpin.calibration.checks.readings import UNITS
 from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
 from gtpin.calibration.problem import with_unknowns
 from gtpin.data import Dataset
-from gtpin.data.instrument_tables import PlaneTable
+from gtpin.data.instrument_rows import InstrumentRows
+from gtpin.data.instrument_tables import (
+    EncoderTable,
+    InstrumentTable,
+    PlaneOf,
+    PlaneTable,
+    RangeTable,
+    TiltTable,
+    TrackerTable,
+)
+from gtpin.data.names import ORIENTATION
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings, instruments_of
 from gtpin.instruments.socket import Socket
@@ -42,6 +54,27 @@ ALIKE = 1.5
 """Ratio of errors up to which two ways to read a table count as equally good. Assumed."""
 BETTER = 10.0
 """Ratio of errors from which another way to read a table is the right one. Assumed: a wrong unit makes hundreds."""
+LENGTHS: dict[type[InstrumentTable], tuple[str, ...]] = {
+    TrackerTable: ("x", "y", "z"),
+    RangeTable: ("range",),
+    PlaneTable: ("height",),
+}
+"""Columns of lengths."""
+ANY_ZERO = 1e3
+"""Prior sigma of an encoder's zero, rad or m, with which the zero is practically free."""
+PLACES = ("stations", "planes", "sockets")
+"""Keys of dataset.toml that have points of the base frame."""
+TILTS: tuple[tuple[str, tuple[str, str], tuple[float, float]], ...] = (
+    ("tilt_x has the other sign", ("tilt_x", "tilt_y"), (-1.0, 1.0)),
+    ("tilt_y has the other sign", ("tilt_x", "tilt_y"), (1.0, -1.0)),
+    ("tilts have the other sign", ("tilt_x", "tilt_y"), (-1.0, -1.0)),
+    ("tilt_x and tilt_y are swapped", ("tilt_y", "tilt_x"), (1.0, 1.0)),
+    ("the sensor is mounted a quarter turn about its z", ("tilt_y", "tilt_x"), (-1.0, 1.0)),
+    ("the sensor is mounted a quarter turn about its z", ("tilt_y", "tilt_x"), (1.0, -1.0)),
+)
+"""Message text, the columns that are read as tilt_x and tilt_y, and their signs."""
+Columns = dict[str, tuple[str, float]]
+"""By a column's name, the column that is read in its place, and the factor by which its numbers are multiplied."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +119,86 @@ class Misfit:
         return f"{1e3 * self.off[unit]:.3g} {'mm' if unit == 'm' else 'mrad'}"
 
 
+@dataclass(frozen=True)
+class Otherwise:
+    """Another way to read an instrument.
+
+    - ``looks``, ``hint``: message texts: what the table looks like, and what the user should do.
+    - ``columns``: columns that are read in another way; else the description is wrong.
+    - ``said``: other values of keys of the description, the first of which is the wrong one.
+    """
+
+    looks: str
+    hint: str
+    columns: Columns = field(default_factory=dict)
+    said: Mapping[str, Any] = field(default_factory=dict)
+
+
+def ways(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[Otherwise]:
+    """Other ways to read an instrument's table: lengths in other units (columns, places and target, alone and together), signs.
+
+    ``index``: of the instrument. ``unit_of_reading``: unit of the instrument's first component, ``m`` or ``rad``.
+    """
+    table = rows.tables[index]
+    mine = rows.rows_of(index)
+    lengths = [name for name in LENGTHS.get(type(table), ()) if name in rows.columns]
+    present = [name for name in lengths if np.isfinite(rows.columns[name][mine]).all()]
+    keys = {key: key for key in PLACES if getattr(table, key, None)}
+    if table.targets or isinstance(table.target, tuple):
+        key = "targets" if table.targets else "target"
+        keys[key] = f"the {key}"
+    for unit, factor in UNITS:
+        parts: list[tuple[str, Columns, dict[str, Any]]] = []
+        if present:
+            parts.append((" ".join(present), _scaled(present, factor), {}))
+        parts += [(name, {}, {key: _in_unit(getattr(table, key), factor)}) for key, name in keys.items()]
+        for count in range(1, len(parts) + 1):
+            for some in combinations(parts, count):
+                names = tuple(part[0] for part in some)
+                verb = "looks" if names in (("range",), ("height",), ("the target",)) else "look"
+                columns = {name: read for _, own, _ in some for name, read in own.items()}
+                said = {key: value for *_, own in some for key, value in own.items()}
+                yield Otherwise(f"{' and '.join(names)} {verb} like {unit}", f"multiply by {factor:g}", columns, said)
+    if "height" in present:
+        hint = "height is positive on the side that the normal points to: change its sign, or the normal's"
+        yield Otherwise("heights are of the other side of the plane", hint, _scaled(["height"], -1.0))
+        hint = "multiply by 1000, if millimetres were converted twice"
+        yield Otherwise("heights look a thousand times too small", hint, _scaled(["height"], 1e3))
+    if isinstance(table, TiltTable):
+        for unit, factor in (("degrees", np.pi / 180.0), ("mm/m", 1e-3)):
+            hint = f"multiply by {factor:.6g}"
+            yield Otherwise(f"tilts look like {unit}", hint, _scaled(["tilt_x", "tilt_y"], factor))
+        hint = "tilt_x and tilt_y are along the TCP frame's x and y, positive where these point up"
+        for looks, (x, y), (sign_x, sign_y) in TILTS:
+            yield Otherwise(looks, hint, {"tilt_x": (x, sign_x), "tilt_y": (y, sign_y)})
+    if isinstance(table, EncoderTable):
+        for sign, and_sign in ((1.0, ""), (-1.0, " of the other sign")):
+            for name, factor in (("degrees", np.pi / 180.0),) if unit_of_reading == "rad" else UNITS:
+                looks, hint = f"readings look like {name}{and_sign}", f"multiply by {sign * factor:.6g}"
+                yield Otherwise(looks, hint, _scaled(["reading"], sign * factor))
+        hint = "readings grow with the joint's coordinate as the URDF has it: multiply by -1"
+        yield Otherwise("readings have the other sign", hint, _scaled(["reading"], -1.0))
+        hint = "subtract the offset from the readings, or declare a larger zero_sigma"
+        yield Otherwise("the zero is farther off than zero_sigma says", hint, said={"zero_sigma": ANY_ZERO})
+    if isinstance(table, TrackerTable) and "qw" in rows.columns:
+        hint = "give qw qx qy qz, the real part first"
+        read = {name: (of, 1.0) for name, of in zip(ORIENTATION, ("qz", "qw", "qx", "qy"), strict=True)}
+        yield Otherwise("quaternions look like xyzw", hint, read)
+
+
+def _scaled(names: list[str], factor: float) -> Columns:
+    return {name: (name, factor) for name in names}
+
+
+def _in_unit(at: Any, factor: float) -> Any:
+    """A point, a plane, or several by their names in another unit; anything else as it is."""
+    if isinstance(at, dict):
+        return {name: _in_unit(one, factor) for name, one in at.items()}
+    if isinstance(at, PlaneOf):
+        return at.model_copy(update={"point": _in_unit(at.point, factor)})
+    return tuple(factor * v for v in at) if isinstance(at, tuple) else at
+
+
 def check_readable(
     dataset: Dataset, readings: Readings, poses: Poses, reach: float, fitted: Callable[..., Misfit | None]
 ) -> None:
@@ -103,11 +216,7 @@ def check_readable(
         if not now.exceeds(reach, SUSPECT) and now.strain <= STRAINED:
             continue
         file = readings.rows.files[i]
-        tried: list[tuple[Misfit, Readings, Otherwise]] = []
-        for other in ways(readings.rows, i, one.components[0].unit):
-            read = _read(readings, poses, i, other)
-            if read is not None:
-                tried.append((Misfit.of(read, poses, i), read, other))
+        tried = list(_read_otherwise(readings, poses, i))
         least = min((misfit.size for misfit, *_ in tried), default=np.inf)
         # The first way that is about as good as the best: the usual and simple ones come first.
         found = next((way for way in tried if way[0].size <= ALIKE * least), None)
@@ -135,29 +244,22 @@ def check_heights(
 ) -> None:
     """Suspect heights over planes that a fit explains only in another unit, or with the other sign.
 
-    Heights of touches are often smaller than the nominal robot's own errors: only fits tell how they must be read.
+    Heights of touches are often smaller than the nominal robot's own errors: only fits show how they must be read.
     ``dataset`` to ``fitted``: as for :func:`check_readable`.
     """
     for i, one in enumerate(readings.instruments):
         if not (isinstance(one.table, PlaneTable) and "height" in one.read.numbers):
             continue
-        before, tried = _size(fitted(readings, i, True)), list[tuple[float, Size, Otherwise]]()
+        before = _size(fitted(readings, i, True))
         # A unit that makes heights vanish leaves less than noise, and is no better than one that leaves the noise.
         noise = float(readings.initial_sigma[readings.group[readings.rows.rows_of(i)[0], 0]])
-        for other in ways(readings.rows, i, "m"):
-            read = _read(readings, poses, i, other, varied=False)
-            if read is not None and not Misfit.of(read, poses, i).exceeds(reach):
-                after = _size(fitted(read, i, True))
-                tried.append((max(after[0], noise), after, other))
-        least = min((size for size, *_ in tried), default=np.inf)
-        for size, after, other in tried:
-            if size <= ALIKE * least and size < before[0] / BETTER:
-                now = (
-                    f"and {1e3 * before[0]:.3g} mm as it stands"
-                    if np.isfinite(before[0])
-                    else "and no fit as it stands"
-                )
-                by = f"a fit leaves {1e3 * after[0]:.3g} mm, {now}"
+        ways = _read_otherwise(readings, poses, i, varied=False)
+        tried = [(_size(fitted(read, i, True)), other) for misfit, read, other in ways if not misfit.exceeds(reach)]
+        sizes = [max(after[0], noise) for after, _ in tried]
+        for size, (after, other) in zip(sizes, tried, strict=True):
+            if size <= ALIKE * min(sizes) and size < before[0] / BETTER:
+                now = f"and {1e3 * before[0]:.3g} mm" if np.isfinite(before[0]) else "and no fit"
+                by = f"a fit leaves {1e3 * after[0]:.3g} mm, {now} as it stands"
                 suspect(_error(dataset, readings, i, other, by), dataset, before, after)
                 break
 
@@ -215,34 +317,36 @@ def _size(misfit: Misfit | None) -> Size:
     return misfit.off.get("m", 0.0), misfit.off.get("rad", 0.0)
 
 
-def _read(readings: Readings, poses: Poses, index: int, other: Otherwise, *, varied: bool = True) -> Readings | None:
-    """The readings with an instrument that is read in another way; None where it can't be read so, or is not accepted.
+def _read_otherwise(
+    readings: Readings, poses: Poses, index: int, *, varied: bool = True
+) -> Iterator[tuple[Misfit, Readings, Otherwise]]:
+    """The readings with an instrument that is read in other ways, each with its misfit, without those that are not accepted.
 
     ``varied``: whether numbers that get smaller must still vary by more than the nominal robot's errors.
     """
-    rows = readings.rows
+    rows, unit = readings.rows, readings.instruments[index].components[0].unit
     mine = rows.rows_of(index)
-    numbers = {n: np.array(c[mine], dtype=float) for n, c in rows.columns.items() if c.dtype != object}
-    table = rows.tables[index].model_copy(update=dict(other.said))
-    new = {name: factor * numbers[of] for name, (of, factor) in other.columns.items()}
-    columns = dict(rows.columns)
-    for name, values in new.items():
-        column = np.array(columns[name], dtype=float)
-        column[mine] = values
-        columns[name] = column
-    tables = (*rows.tables[:index], table, *rows.tables[index + 1 :])
-    try:
-        found = replace(readings, rows=replace(rows, tables=tables, columns=columns), u=np.zeros(0))
-        found = found.at(np.zeros(len(found.unknowns)))
-        found = with_unknowns(found.at(found.start(poses)), poses)
-        misfit = Misfit.of(found, poses, index)
-    except (DatasetError, np.linalg.LinAlgError):
-        return None
-    scaled = [name for name, (_, factor) in other.columns.items() if abs(factor) != 1.0]
-    spread = {name: (float(np.std(numbers[name])), float(np.std(new[name]))) for name in scaled}
-    smaller = varied and any(now < 0.5 * before for before, now in spread.values())
-    left = misfit.off[readings.instruments[index].components[0].unit]
-    return None if smaller and left > VARIATION * max(now for _, now in spread.values()) else found
+    for other in ways(rows, index, unit):
+        columns, smaller, spread = dict(rows.columns), False, 0.0
+        for name, (of, factor) in other.columns.items():
+            column = np.array(rows.columns[name], dtype=float)
+            before = float(np.std(column[mine]))
+            column[mine] = factor * np.array(rows.columns[of][mine], dtype=float)
+            columns[name] = column
+            if abs(factor) != 1.0:
+                after = float(np.std(column[mine]))
+                smaller, spread = smaller or after < 0.5 * before, max(spread, after)
+        table = rows.tables[index].model_copy(update=dict(other.said))
+        tables = (*rows.tables[:index], table, *rows.tables[index + 1 :])
+        try:
+            found = replace(readings, rows=replace(rows, tables=tables, columns=columns), u=np.zeros(0))
+            found = found.at(np.zeros(len(found.unknowns)))
+            found = with_unknowns(found.at(found.start(poses)), poses)
+            misfit = Misfit.of(found, poses, index)
+        except (DatasetError, np.linalg.LinAlgError):
+            continue
+        if not (varied and smaller and misfit.off[unit] > VARIATION * spread):
+            yield misfit, found, other
 
 
 def check_sockets(dataset: Dataset, robot: Chain) -> None:
@@ -278,7 +382,12 @@ def check_distances(dataset: Dataset, readings: Readings, poses: Poses, reach: f
             if {a, b} & set(one.table.sockets):  # their declared points may be wrong instead
                 continue
             found = float(np.linalg.norm(one.at(readings.own(i), a) - one.at(readings.own(i), b)))
-            if abs(given - found) <= reach or _missed(readings, poses, i, one, (a, b)) > reach:
+            if abs(given - found) <= reach:
+                continue
+            mine = readings.rows.rows_of(i)[np.isin(one.socket, [one.names.index(name) for name in (a, b)])]
+            residual = np.abs(readings.residual_at(poses)[mine])
+            missed = residual[readings.rows.component[mine] < 3, 0] if readings.components == 1 else residual[:, :3]
+            if missed.size and np.median(missed) > reach:  # something else is wrong than their distance
                 continue
             like = [(unit, factor) for unit, factor in UNITS if abs(given * factor - found) < min(reach, 0.2 * found)]
             hint = (
@@ -287,12 +396,3 @@ def check_distances(dataset: Dataset, readings: Readings, poses: Poses, reach: f
             what = f"{one.name}: {a} and {b} are {given:.6g} m apart here, for the nominal robot {found:.3g} m"
             column = f"instrument.{i}.distances.{k}"
             refuse(DatasetError(what, file=dataset.toml, column=column, hint=hint), dataset)
-
-
-def _missed(readings: Readings, poses: Poses, index: int, one: Socket, names: tuple[str, str]) -> float:
-    """Median error of the rows of two sockets: where it is large, something else is wrong than their distance."""
-    rows = readings.rows
-    mine = rows.rows_of(index)[np.isin(one.socket, [one.names.index(name) for name in names])]
-    residual = np.abs(readings.residual_at(poses)[mine])
-    own = residual[rows.component[mine] < 3, 0] if readings.components == 1 else residual[:, :3]
-    return float(np.median(own)) if own.size else 0.0

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
-from gtpin.calibration.checks.readable_readings import (
+from gtpin.calibration.checks.instruments import (
     VARIATION,
     Misfit,
     check_fitted,

@@ -12,7 +12,7 @@ from typing import Final, Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.kinematics.rotations import exp
+from gtpin.kinematics.rotations import exp, from_quaternions
 from gtpin.typing import Floats
 
 UNITS = (
@@ -114,30 +114,22 @@ def rotation_readings(rotation: Rotation, axes: Floats = ONE, *, turned: bool) -
     that only rotate the frame are left out.
     """
     as_is, wxyz = rotation.as_matrix(), rotation.as_quat(scalar_first=True)
-
-    def other(order: tuple[int, ...], vector: Floats = ONE) -> Floats:
-        """Rotations of the quaternions with their numbers in another order, and then their vector part mapped."""
-        found = wxyz[:, order]
-        found[:, 1:] = found[:, 1:] @ vector.T
-        return np.asarray(Rotation.from_quat(found, scalar_first=True).as_matrix())
-
     yield Rotations("", "", 0, as_is)
-    written, handed = (0, 1, 2, 3), np.linalg.det(axes) * axes
-    for vector in signed_permutations()[1:]:
+    looks, hint = "the orientations look inverted (conjugated)", "change the signs of qx, qy and qz"
+    yield Rotations(looks, hint, 1, rotation.inv().as_matrix())
+    # (With the scalar first, other orders of the vector part are other axes.)
+    for parts in ("xyzw", *("".join(parts) for parts in permutations("wxyz") if parts[0] != "w")):
+        read = wxyz[:, [parts.index(part) for part in "wxyz"]]
+        hint = "give qw qx qy qz in that order of meaning, scalar first"
+        yield Rotations(order_looks(parts), hint, 1, from_quaternions(read))
+    yield from _misread(rotation)
+    handed = np.linalg.det(axes) * axes
+    for vector in signed_permutations()[2:]:
         with_axes = bool((vector == handed).all()) and not (axes == ONE).all()
-        if (vector == -ONE).all():
-            looks, hint = "the orientations look inverted (conjugated)", "change the signs of qx, qy and qz"
-        else:
-            looks = f"qx qy qz look {'to be so too' if with_axes else 'to be along other axes'}"
-            hint = f"write {_assigned(vector, VECTOR)}"
-        yield Rotations(looks, hint, 0 if with_axes else 1, other(written, vector))
-        if (vector == -ONE).all():
-            # (With the scalar first, other orders of the vector part are other axes.)
-            for parts in ("xyzw", *("".join(parts) for parts in permutations("wxyz") if parts[0] != "w")):
-                order = tuple(parts.index(part) for part in "wxyz")
-                yield Rotations(
-                    order_looks(parts), "give qw qx qy qz in that order of meaning, scalar first", 1, other(order)
-                )
+        looks = f"qx qy qz look {'to be so too' if with_axes else 'to be along other axes'}"
+        hint = f"write {_assigned(vector, VECTOR)}"
+        read = np.hstack([wxyz[:, :1], wxyz[:, 1:] @ vector.T])
+        yield Rotations(looks, hint, 0 if with_axes else 1, from_quaternions(read))
     for s in signed_permutations()[1:]:
         if np.linalg.det(s) < 0.0:
             continue
@@ -150,7 +142,6 @@ def rotation_readings(rotation: Rotation, axes: Floats = ONE, *, turned: bool) -
             yield Rotations(looks, hint, 0 if same else 1, s @ as_is)
         looks = "the target's axes look to be others than the TCP's"
         yield Rotations(looks, f"turn the orientations by {_turn(s)}, on the right", 1, as_is @ s, of_target=True)
-    yield from _misread(rotation)
 
 
 def order_looks(parts: str) -> str:

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from gtpin.calibration.checks.commands import REACHED
+from gtpin.calibration.checks.instruments import check_distances
 from gtpin.calibration.checks.mixed_units import check_mixed_units
 from gtpin.calibration.checks.moved_sessions import check_sessions
-from gtpin.calibration.checks.readable_readings import check_distances
 from gtpin.calibration.checks.recognise import ALLOWED, FITS, Interpretation, recognised
 from gtpin.calibration.checks.suspected import NO_FIT, PLAUSIBLE, Size, refuse, suspect
 from gtpin.calibration.free_target import with_target
