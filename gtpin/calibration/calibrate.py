@@ -8,18 +8,17 @@ from functools import partial
 
 import numpy as np
 
-from gtpin.calibration.checks.of_poses import settled_poses, usable_poses
-from gtpin.calibration.checks.of_readings import settled_readings, usable_readings
+from gtpin.calibration.checks.after_fit import settled_fit
+from gtpin.calibration.checks.before_fit import usable_rows
 from gtpin.calibration.checks.prepared import check_actuators, prepared
 from gtpin.calibration.checks.suspected import recalled
-from gtpin.calibration.checks.usable_rows import problem_of
 from gtpin.calibration.fit_state import FitState, unexplained_by
 from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.kept_effects import with_kept_effects
 from gtpin.calibration.left_out import left_out
 from gtpin.calibration.observability import UNSEEN, remedies
-from gtpin.calibration.problem import Problem
+from gtpin.calibration.problem import Problem, problem_of
 from gtpin.calibration.result import Calibration, InstrumentFit
 from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.data import Dataset
@@ -199,11 +198,11 @@ def _calibrated(
     nominal = Model(geometry)
     data = prepared(dataset, nominal)
     lone = dataset.readings.tracked
-    whole, usable, kept, near = (usable_poses if lone else usable_readings)(data, nominal)
+    whole, usable, kept, near = usable_rows(data, nominal)
     problem = problem_of(kept, near, nominal, free=lone and data.instrument.frame == "free")
     found = np.array([p.kind == "platform" for p in geometry.parameters]) if data.instrument.target == "free" else None
     fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, found)
-    settled = settled_poses(kept, fit, doubt=doubt) if lone else settled_readings(data, kept, fit)
+    settled = settled_fit(data, kept, fit, doubt=doubt)
     if settled.dof < FEWEST:
         numbers = len(kept) * problem.measured.components
         raise DatasetError(

@@ -15,7 +15,7 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.calibration.checks.usable_rows import check_moved
+from gtpin.calibration.checks.before_fit import check_moved
 from gtpin.data import Dataset, InstrumentSection
 from gtpin.effects import OperatingPoints
 from gtpin.effects.catalogue import effects_by_id

@@ -370,11 +370,13 @@ def check_sockets(dataset: Dataset, robot: Chain) -> None:
             warn(f"{rows.files[i]}: visited once, so that they say nothing: sockets {', '.join(once)}")
 
 
-def check_distances(dataset: Dataset, readings: Readings, poses: Poses, reach: float) -> None:
+def check_distances(dataset: Dataset, robot: Chain, poses: Poses, reach: float) -> None:
     """Refuse known distances of sockets that are far from those of the nominal robot; the error names a unit that fits.
 
-    ``readings``: with the sockets' points from the nominal robot. ``poses``, ``reach``: as in :func:`check_readable`.
+    ``robot``: the nominal robot. ``poses``, ``reach``: as in :func:`check_readable`.
     """
+    readings = Readings.of(dataset, robot)
+    readings = readings.at(readings.start(poses))  # with the sockets' points from the nominal robot
     for i, one in enumerate(readings.instruments):
         if not isinstance(one, Socket):
             continue

@@ -1,8 +1,8 @@
-"""Sequences of rows with the commands of others, or during which the instrument had moved.
+"""Rows with the commands of others, or measured after the instrument had moved: in a sequence of rows, or between sessions.
 
 A large motion shows against the nominal machine. A smaller one is searched for after the fit as steps of the frame along the
-rows, in the order of the file and of time, by the computation of :mod:`gtpin.calibration.checks.prior_conflict`: a motion from
-some row on, and back from a later one.
+rows, in the order of the file and of time, or between sessions, by the computation of
+:mod:`gtpin.calibration.checks.prior_conflict`.
 """
 
 from __future__ import annotations
@@ -12,14 +12,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from gtpin.calibration.checks.prior_conflict import motions
-from gtpin.calibration.checks.suspected import Size, suspect
-from gtpin.calibration.problem import Measured, Point, Problem, rough_frame
+from gtpin.calibration.checks.recognise import LINE, expected_errors
+from gtpin.calibration.checks.suspected import Size, refuse, suspect
+from gtpin.calibration.problem import Measured, Point, Problem, measured_poses, problem_of, rough_frame
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
 from gtpin.kinematics.poses import Poses
+from gtpin.model.model import Model
 from gtpin.noise.estimate import ENOUGH
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats, Indices, Mask
@@ -54,6 +57,23 @@ AHEAD = 1.2
 """Ratio of the best alternative's residual power to that of steps, above which steps are the reason. The alternatives are
 motions in proportion to time (to its third power), temperatures, payload or another recorded column that changes slowly.
 Assumed; with 150 poses of six numbers it is a log likelihood ratio of 80 nats."""
+FEWEST_OF_SESSION = 6
+"""Fewest rows from which the frame of a session is determined. Assumed."""
+FAR = 0.01
+"""Motion, m, from which data are refused before a fit. Assumed: with such motions no diagnosis is linear about one frame."""
+FAILED = 1e-3
+"""Motion, m, from which data are refused after a fit has failed. Assumed."""
+CLEAR = 4.0
+"""Ratio of a motion to the residuals with a separate frame for each session, above which the motion is clear. Assumed."""
+EXPECTED = 3.0
+"""Ratio of a motion to the expected error of the nominal model, above which the motion is clear: the best frame for a part of
+the workspace absorbs such errors. Assumed."""
+BEYOND = 0.1
+"""Motion, m, that is too large to be an error of the geometry. Assumed."""
+SESSIONS_RATIO = 4.0
+"""Power of the residuals without motions over that with them from which motions are why a fit failed. Assumed."""
+NAMED = 5
+"""Largest number of sessions that an error names."""
 
 
 def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: Mask, *, bumps: bool = True) -> None:
@@ -69,13 +89,13 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
     if part is None:
         return
     first, last = part.start, part.stop - 1
-    off = _off(measured.T, predicted.T)
+    off = np.linalg.norm(measured.T - predicted.T, axis=1)
     usual, before = float(np.nanmedian(off[~far])) if not far.all() else 0.0, float(np.nanmedian(off[part]))
     mended = max(MENDED * before, 3.0 * usual)
     file, row, rows = dataset.file, int(dataset.row[first]), f"rows {dataset.row[first]} to {dataset.row[last]}"
     for by, neighbour in NEIGHBOURS:
         inner = slice(first + 1, last)  # the ends have no neighbour in the stretch
-        left = float(np.nanmedian(_off(measured.T[inner], np.roll(predicted.T, by, axis=0)[inner])))
+        left = _median_off(measured.T[inner], np.roll(predicted.T, by, axis=0)[inner])
         if left < mended:
             what = f"the commands look one row off in {rows}: what was measured there fits the commands of the row {neighbour}"
             hint = "move the commands of these rows, or export the table anew"
@@ -83,7 +103,7 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
     if not bumps:
         return
     moved = rough_frame(predicted[part], measured.take(part))
-    left = float(np.nanmedian(_off(measured.T[part], predicted[part].moved(moved.T, moved.R).T)))
+    left = _median_off(measured.T[part], predicted[part].moved(moved.T, moved.R).T)
     if left < mended and not own_session(dataset, part):
         what = f"{rows} are {1e3 * before:.3g} mm from where the other rows say, all by the same motion: the instrument was "
         what += "bumped or set up anew"
@@ -110,8 +130,8 @@ def stretch(far: Mask) -> slice | None:
     return found
 
 
-def _off(one: Floats, two: Floats) -> Floats:
-    return np.asarray(np.linalg.norm(one - two, axis=1))
+def _median_off(one: Floats, other: Floats) -> float:
+    return float(np.nanmedian(np.linalg.norm(one - other, axis=1)))
 
 
 def own_session(dataset: Dataset, rows: Indices | slice) -> bool:
@@ -301,3 +321,97 @@ def _alternatives(dataset: Dataset, rows: Indices) -> Floats:
             spread = float(column.std())
             columns += [(column - column.mean()) / spread] if spread > 0.0 else []
     return np.stack(columns, axis=1)
+
+
+def check_sessions(dataset: Dataset, nominal: Model, poses: Poses) -> None:
+    """Check that the instrument had the same pose in all sessions.
+
+    ``poses``: (N) poses of the nominal model at the dataset's commands, base frame; NaN where it can't reach.
+
+    Raises `DatasetError` if the pose differs; it names the sessions, and the distance of each from the largest one, m.
+    """
+    there = np.flatnonzero(poses.reached)
+    if not len(there):
+        return
+    part, poses = dataset.take(there), poses[there]
+    moved = _moved(part, nominal, poses)
+    if FAR <= max(moved.values(), default=0.0) < BEYOND:
+        moved = _moved_linear(part, problem_of(part, poses, nominal, free=dataset.instrument.frame == "free"), poses)
+    _suspect(dataset, moved, FAR)
+
+
+def check_sessions_linear(dataset: Dataset, problem: Problem, near: Poses) -> None:
+    """As :func:`check_sessions`, after a fit has failed: with one geometry for all sessions, it finds smaller motions.
+
+    ``problem``, ``near``: the problem about the nominal machine, and the machine's poses, base frame.
+
+    Raises `DatasetError` if motions of the frame between sessions explain most of the power of the residuals.
+    """
+    _suspect(dataset, _moved_linear(dataset, problem, near), FAILED)
+
+
+def _moved_linear(dataset: Dataset, problem: Problem, near: Poses) -> dict[str, float]:
+    """As `_moved`, by a linear fit of one geometry and of each session's frame."""
+    sessions, names = _sessions(dataset)
+    if len(names) < 2:
+        return {}
+    rows = np.arange(0, len(dataset), 1 + len(dataset) // ENOUGH)
+    thin, noise = nominal_problem(problem.take(rows, problem.whitening[rows]))
+    scan = FrameScan.of(thin, thin.point(np.zeros(thin.size), near[rows]), noise)
+    columns = (sessions[rows, None] == np.array(names[1:])).astype(float)
+    left, _, moved = scan.moved_with(columns)
+    return {} if scan.left(()) < SESSIONS_RATIO * left else dict(zip(names, [0.0, *moved.tolist()], strict=True))
+
+
+def _suspect(dataset: Dataset, moved: dict[str, float], least: float) -> None:
+    """Suspect an instrument that moved by ``least`` m or more; ``moved``: distances from the first session, m."""
+    first, *others = moved or [""]
+    far = sorted((name for name in others if moved[name] >= least), key=lambda name: -moved[name])
+    if not far:
+        return
+    moves = ", ".join(f"{1e3 * moved[name]:.3g} mm in session {name}" for name in far[:NAMED])
+    more = f" and {len(far) - NAMED} more sessions" if len(far) > NAMED else ""
+    error = DatasetError(
+        f"the instrument moved between sessions: from where it stood in session {first} by {moves}{more}",
+        file=dataset.file,
+        column="session",
+        hint="make a dataset of each session, or register the sessions to common marks and give all poses in one frame",
+    )
+    refuse(error, dataset)
+
+
+def _sessions(dataset: Dataset) -> tuple[NDArray[np.str_], list[str]]:
+    """The session of each row, and the names of the sessions with at least `FEWEST_OF_SESSION` rows, the largest first."""
+    if "session" not in dataset.covariates:
+        return np.full(len(dataset), ""), []
+    sessions = np.array([str(name) for name in dataset.covariates["session"]])
+    names, counts = np.unique(sessions, return_counts=True)
+    order = np.argsort(-counts, kind="stable")
+    return sessions, [str(names[k]) for k in order if counts[k] >= FEWEST_OF_SESSION]
+
+
+def _moved(dataset: Dataset, nominal: Model, poses: Poses) -> dict[str, float]:
+    """Distance, m, of each session's poses from where the frame of the largest session puts them; empty where not clear."""
+    measured = measured_poses(dataset)
+    sessions, names = _sessions(dataset)
+    places, left = {}, np.full(len(poses), np.nan)
+    for name in names:
+        own = sessions == name
+        wide, narrow = (
+            np.linalg.svd(T - T.mean(axis=0), compute_uv=False) / len(T) ** 0.5 for T in (poses.T, poses.T[own])
+        )
+        if measured.R is None and narrow[1] <= LINE * wide[0]:  # positions on a line do not determine a frame
+            continue
+        places[name] = frame = rough_frame(poses[own], measured.take(own))
+        left[own] = np.linalg.norm(measured.T[own] - poses[own].moved(frame.T, frame.R).T, axis=1)
+    if len(places) < 2:
+        return {}
+    first = next(iter(places.values()))
+    moved = {
+        name: _median_off(poses.T[sessions == name] @ (frame.R - first.R).T, first.T - frame.T)
+        for name, frame in places.items()
+    }
+    some = np.linspace(0, len(poses) - 1, min(len(poses), 100)).astype(int)
+    expected = expected_errors(nominal, measured.q[some], poses[some])[0]
+    clear = max(CLEAR * float(np.nanmedian(left)), EXPECTED * expected)
+    return moved if max(moved.values()) > clear else {}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from gtpin.calibration.checks.before_fit import plausible_rows
 from gtpin.calibration.checks.prepared import check_actuators, known_noise, prepared
-from gtpin.calibration.checks.usable_rows import plausible_rows
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
 from gtpin.data.duplicates import copies

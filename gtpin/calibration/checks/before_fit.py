@@ -1,4 +1,4 @@
-"""Which rows of measured poses a calibration can use; an error where they can't be the robot's, by what a quick fit leaves."""
+"""Which rows a calibration can use; an error where they can't be the robot's, by what a quick fit leaves."""
 
 from __future__ import annotations
 
@@ -7,21 +7,23 @@ from dataclasses import replace
 import numpy as np
 
 from gtpin.calibration.checks.commands import REACHED
-from gtpin.calibration.checks.instruments import check_distances
+from gtpin.calibration.checks.instruments import check_distances, check_sockets
 from gtpin.calibration.checks.mixed_units import check_mixed_units
-from gtpin.calibration.checks.moved_sessions import check_sessions
-from gtpin.calibration.checks.recognise import ALLOWED, FITS, Interpretation, recognised
+from gtpin.calibration.checks.moved import check_sessions
+from gtpin.calibration.checks.recognise import ALLOWED, FITS, recognised
 from gtpin.calibration.checks.suspected import NO_FIT, PLAUSIBLE, Size, refuse, suspect
 from gtpin.calibration.free_target import with_target
 from gtpin.calibration.gauss_newton import fit
-from gtpin.calibration.problem import Measured, Problem, measured_poses, rough_frame, with_unknowns
+from gtpin.calibration.problem import Measured, Problem, measured_poses, rough_frame
 from gtpin.data import Dataset, InstrumentSection, check_commands
+from gtpin.data.duplicates import with_rounding
 from gtpin.data.files import warn_of
 from gtpin.data.names import ORIENTATION
 from gtpin.data.plausible import named_poses
+from gtpin.data.sane import sane_rows
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.frame_and_target import MEDIAN
-from gtpin.instruments.readings import Readings
+from gtpin.instruments.readings import Readings, single
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Frame, Model
 from gtpin.noise import weights
@@ -39,6 +41,46 @@ FAR_TOLERANCES, FAR = 50.0, {"m": 0.02, "rad": 0.05}
 needs more makes up for a mistake."""
 STEPS = 15
 """Largest number of steps of each fit."""
+
+
+def usable_rows(given: Dataset, nominal: Model) -> tuple[Dataset, Mask, Dataset, Poses]:
+    """The dataset as it is fitted: with the noise that rounding adds, or with equally many numbers in each row; (N,) the rows
+    that the robot can have reached; these rows, and their nominal poses, base frame.
+
+    ``nominal``: with the passive joints measured that encoders read.
+    """
+    robot = nominal.robot
+    if given.readings.tracked:
+        whole = with_rounding(given)
+        usable = sane_rows(whole)
+        poses = nominal.kinematics.forward(whole.q[usable])
+        plausible = plausible_rows(whole.take(usable), nominal, poses)
+        usable[usable] = plausible
+        kept = whole.take(usable)
+        return (
+            whole,
+            usable,
+            replace(kept, orientation=None) if nominal.geometry.positions_only else kept,
+            poses[plausible],
+        )
+    check_sockets(given, robot)
+    whole = single(given, robot)
+    check_commands(given, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    poses, usable = nominal.kinematics.forward(whole.q), sane_rows(whole)
+    countable = "for numbers that are too large to count with", "no reading that can be counted with"
+    reached = "for the robot can't reach them", "the robot reaches none of these commands"
+    for good, (why, what), hint in (
+        (whole.readings.countable, countable, "check the tables' units"),
+        (poses.reached, reached, "check q1 .. qn"),
+    ):
+        if (usable & ~good).any():
+            warn(f"set aside, {why}: {named_poses(whole, usable & ~good)}")
+        usable &= good
+        if not usable.any():
+            raise DatasetError(what, file=whole.file, hint=hint)
+    kept = whole.take(usable)
+    check_distances(kept, robot, poses[usable], reach_of(nominal.geometry))
+    return whole, usable, kept, poses[usable]
 
 
 def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
@@ -93,26 +135,15 @@ def check_other_readings(
     ``poses``: (N) those of ``nominal`` at the dataset's rows, base frame. ``rows``: those that are used. ``failed``: whether a
     fit of them has failed.
     """
-    looks = _looks(dataset, nominal, poses, rows, failed=failed)
+    instrument, measured = dataset.instrument, measured_poses(dataset.take(rows))
+    free, target = instrument.frame == "free", instrument.target == "free"
+    looks = recognised(nominal, poses[rows], measured, free=free, free_target=target, failed=failed)
     if looks is None:
         return
     error = DatasetError(looks.looks, file=dataset.file, column=looks.columns, hint=looks.hint)
-    free = dataset.instrument.frame == "free" or looks.elsewhere
-    read = dataset.instrument.model_copy(update={"frame": "free"}) if free else dataset.instrument
-    before = left_after_fit(nominal, measured_poses(dataset.take(rows)), dataset.instrument)
-    after, turned = (
-        left_after_fit(nominal, looks.measured, read),
-        looks.columns == " ".join(ORIENTATION),
-    )
-    suspect(error, dataset, before, after, exact=turned)
-
-
-def _looks(
-    dataset: Dataset, nominal: Model, poses: Poses, rows: Mask | slice, *, failed: bool = False
-) -> Interpretation | None:
-    free, target = dataset.instrument.frame == "free", dataset.instrument.target == "free"
-    measured = measured_poses(dataset.take(rows))
-    return recognised(nominal, poses[rows], measured, free=free, free_target=target, failed=failed)
+    read = instrument.model_copy(update={"frame": "free"}) if looks.elsewhere else instrument
+    before, after = left_after_fit(nominal, measured, instrument), left_after_fit(nominal, looks.measured, read)
+    suspect(error, dataset, before, after, exact=looks.columns == " ".join(ORIENTATION))
 
 
 def reach_of(geometry: Geometry) -> float:
@@ -144,26 +175,6 @@ def check_moved(dataset: Dataset, geometry: Geometry, nominal: Geometry, near: P
     what = f"the fit moves {worst.name} by {far}, farther than any machine of this kind is off: the data are not this robot's"
     hint = "check the robot's file and tcp, units and signs of q1 .. qn and of what was measured, and where instruments stood"
     refuse(DatasetError(what, file=dataset.file, hint=hint), dataset)
-
-
-def problem_of(dataset: Dataset, near: Poses, nominal: Model, *, free: bool) -> Problem:
-    """The problem about the nominal machine, with the frame, and the instruments' unknowns, that fit it best.
-
-    ``near``: (N) poses of ``nominal`` at the dataset's rows, base frame. ``free``: whether a lone tracker stands elsewhere.
-
-    Raises `DatasetError` if there are fewer measured numbers than unknowns without a prior, or a known distance of sockets
-    can't be the robot's.
-    """
-    readings = Readings.of(dataset, nominal.robot)
-    readings, c = readings.at(readings.start(near)), readings.components
-    numbers, unknowns = len(dataset) * c, readings.free_unknowns(free)
-    if numbers <= unknowns:
-        what = f"{numbers} readings for {unknowns} unknowns of the instruments alone"
-        raise DatasetError(what, file=dataset.file, hint="measure more")
-    check_distances(dataset, readings, near, reach_of(nominal.geometry))
-    start = replace(nominal, frame=rough_frame(near, measured_poses(dataset)) if free else Frame())
-    whitening = np.broadcast_to(np.eye(c), (len(dataset), c, c))
-    return Problem(start, with_unknowns(readings, near), whitening, free)
 
 
 def left_after_fit(nominal: Model, measured: Measured, instrument: InstrumentSection) -> Size:

@@ -1,4 +1,4 @@
-"""The path of a calibration from poses that one tracker measured: which rows can be used, and the checks around the fit."""
+"""The fit of a calibration with the checks around it: errors and warnings where it shows a mistake in the data."""
 
 from __future__ import annotations
 
@@ -8,21 +8,37 @@ from dataclasses import replace
 
 import numpy as np
 
+from gtpin.calibration.checks.before_fit import check_moved, check_other_readings, reach_of
 from gtpin.calibration.checks.convention import check_convention
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
-from gtpin.calibration.checks.moved_rows import check_instrument_steps, check_stretch, nominal_problem, stretch
-from gtpin.calibration.checks.moved_sessions import check_sessions_linear
+from gtpin.calibration.checks.instruments import (
+    VARIATION,
+    Misfit,
+    check_fitted,
+    check_heights,
+    check_readable,
+    explained,
+)
+from gtpin.calibration.checks.moved import (
+    check_instrument_steps,
+    check_sessions_linear,
+    check_stretch,
+    nominal_problem,
+    stretch,
+)
 from gtpin.calibration.checks.prior_conflict import relieved, strain
 from gtpin.calibration.checks.suspected import BEYOND, MISFIT, STRAYED, far_from_declared, refuse
-from gtpin.calibration.checks.usable_rows import check_moved, check_other_readings, plausible_rows, reach_of
 from gtpin.calibration.fit_state import FitState
+from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data import Dataset
-from gtpin.data.duplicates import command_steps, with_rounding
+from gtpin.data.duplicates import command_steps
+from gtpin.data.files import warn_of
 from gtpin.data.plausible import named_poses
-from gtpin.data.sane import sane_rows
+from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
+from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
 from gtpin.noise import weights
@@ -41,26 +57,28 @@ POOR = 1e-3
 ROUNDED = 0.1, 1.5
 """Error of the commands over the step: at least in the median, at most in nine tenths of the rows. Assumed:
 rounding makes up to a half, truncation up to one, and the geometry's own errors come on top."""
+MOST_READINGS = 0.5
+"""Largest share of gross errors among an instrument's rows; above it, it is not clear which rows are the errors. Assumed."""
+SEVERAL = 3
+"""Fewest readings of one id for a message that most of them were set aside. Assumed."""
+CHANCE = 1e-6
+"""Probability, by the tolerances, of a geometry that is at least as far from nominal as a whole, below which something is
+declared wrongly. Assumed."""
 
 
-def usable_poses(given: Dataset, nominal: Model) -> tuple[Dataset, Mask, Dataset, Poses]:
-    """The dataset with the noise that rounding adds; (N,) the rows that the robot can have reached; these rows, and their
-    nominal poses, base frame."""
-    whole = with_rounding(given)
-    usable = sane_rows(whole)
-    poses = nominal.kinematics.forward(whole.q[usable])
-    plausible = plausible_rows(whole.take(usable), nominal, poses)
-    usable[usable] = plausible
-    kept = whole.take(usable)
-    return whole, usable, replace(kept, orientation=None) if nominal.geometry.positions_only else kept, poses[plausible]
+def settled_fit(given: Dataset, kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
+    """Run the robust fit of the rows that are ``kept`` of a dataset, with its checks.
 
-
-def settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
-    """Run the robust fit with its checks; with ``doubt``, also of the declared noise, frame and tolerances.
+    ``doubt``: whether the declared noise, frame and tolerances are checked too; those of readings always are.
 
     Raises `DatasetError` if the data can't be this robot's, or the fit does not describe them. `ConvergenceError` if it
     does not converge for another reason. Warns: names the poses that are rejected, and what was assumed wrongly.
     """
+    return _settled_poses(kept, fit, doubt=doubt) if kept.readings.tracked else _settled_readings(given, kept, fit)
+
+
+def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
+    """As :func:`settled_fit`, for poses that one tracker measured."""
     measured, seen = fit.whole.poses, fit.whole.start.in_instrument_frame(fit.near)
     far = np.asarray(np.linalg.norm(measured.T - seen.T, axis=1) > reach_of(fit.whole.start.geometry))
     check_stretch(kept, measured, seen, far, bumps=False)
@@ -230,3 +248,95 @@ def _coarse_commands(model: Model, measured: Measured, poses: Poses) -> str | No
         return None
     size = 1e3 * np.median(np.linalg.norm(off, axis=1))
     return f"all commands are multiples of {steps.words}, and poses are off by {size:.2g} mm, as such a step makes them"
+
+
+def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit) -> FitState:
+    """As :func:`settled_fit`, for readings of any instruments."""
+    readings, near, reach = fit.whole.measured, fit.near, reach_of(fit.whole.start.geometry)
+
+    def misfit(some: Readings, index: int, rough: bool = False) -> Misfit | None:
+        tried = replace(fit, whole=replace(fit.whole, measured=some))
+        try:
+            other = tried.rough() if rough else tried.run().fit
+        except ConvergenceError:
+            return None
+        return Misfit.of(other.problem.readings(other.point.x), other.point.poses, index)
+
+    check_readable(given, readings, near, reach, misfit)
+    with explained(readings, near):
+        settled = with_credible_noise(fit, settled_or_explained(fit))[1]
+    fitted = settled.fit.problem.readings(settled.fit.point.x)
+    left, heights = (
+        fitted.residual_at(settled.fit.point.poses)[:, 0],
+        np.asarray(fitted.rows.columns.get("height", np.nan), dtype=float),
+    )
+    own = np.isfinite(heights)
+    # Errors of touches of the size by which their heights vary would be taken for noise that was not declared.
+    vary = own.any() and settled.noise.estimated.any() and np.std(left[own]) > VARIATION * np.std(heights[own])
+    if settled.scale > MISFIT or vary:
+        check_heights(given, readings, near, reach, misfit)
+    _check_used(kept, readings, settled.used)
+    before = [Misfit.of(readings, near, i) for i in range(len(readings.instruments))]
+    check_fitted(given, fitted, settled.fit.point.poses, reach, before)
+    if settled.scale > MISFIT:
+        scale = f"residuals are {settled.scale:.0f} times the noise"
+        warn(f"{scale}: the geometry does not explain these data, or the declared sigma is too small")
+    check_moved(given, settled.fit.point.model.geometry, fit.whole.start.geometry, near, fit.found)
+    _warn_of_strayed(settled, fitted)
+    return settled
+
+
+def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
+    """Refuse an instrument with most of its rows set aside; warn of others, and of a station, plane, socket or target."""
+    for i, one in enumerate(readings.instruments):
+        mine = readings.rows.of == i
+        share = float((~used[mine]).mean()) if mine.any() else 0.0
+        if share > MOST_READINGS:
+            error = DatasetError(
+                f"{100.0 * share:.0f} % of the readings of {one.name} do not fit the others",
+                file=readings.rows.files[i],
+                hint="check its units, its rows' commands, and where it stood",
+            )
+            refuse(error, kept)
+    for i in range(len(readings.instruments)):
+        for text in _off_together(readings, used, i):
+            warn_of(readings.rows.files[i], text)
+    if not used.all():
+        warn(f"set aside as gross errors: {named_poses(kept, ~used)}")
+
+
+def _off_together(readings: Readings, used: Mask, index: int) -> Iterator[str]:
+    """Texts for warnings: ids of an instrument of which most readings were set aside."""
+    rows = readings.rows
+    mine = rows.rows_of(index)
+    for column in rows.tables[index].ids:
+        if len(rows.known[index].get(column, ())) < 2:
+            continue
+        ids = rows.columns[column][mine]
+        for name in rows.known[index][column]:
+            own = np.unique(rows.line[mine[ids == name]])
+            lost = np.unique(rows.line[mine[(ids == name) & ~used[mine]]])
+            if len(own) >= SEVERAL and len(lost) > MOST_READINGS * len(own):
+                of = f"{rows.tables[index].name} with {column} {name}"
+                yield (
+                    f"{len(lost)} of {len(own)} readings of {of} do not fit the others: check what dataset.toml declares "
+                    "of it, and these rows"
+                )
+
+
+def _warn_of_strayed(settled: FitState, readings: Readings) -> None:
+    """Warn of parameters and fitted unknowns that are farther from what is declared than their priors allow."""
+    x, seen = settled.fit.point.x[: settled.fit.problem.n_geometry], settled.observability
+    # Along a direction with the variance reduction l, the estimate has the variance l, in units of the squared tolerances.
+    known = seen.variance_reduction > UNSEEN
+    along = seen.directions[:, known].T @ x
+    chance = chi2.sf(float((along**2 / seen.variance_reduction[known]).sum()), max(int(known.sum()), 1))
+    if names := far_from_declared(x, settled.geometry.names):
+        warn(f"parameters more than {STRAYED:g} tolerances from nominal: {names}")
+    elif chance < CHANCE:
+        text = f"the geometry as a whole is farther from nominal than its tolerances allow (chance {chance:.1g})"
+        hint = "check commands, known distances, and what is declared of the instruments, or give larger tolerances"
+        warn(f"{text}: {hint}; an effect that the geometry takes up may do this as well")
+    if names := far_from_declared(readings.deviation, [unknown.name for unknown in readings.unknowns]):
+        hint = "correct what it declares, or give larger prior sigmas"
+        warn(f"unknowns more than {STRAYED:g} prior sigmas from what dataset.toml declares: {names}: {hint}")
