@@ -19,8 +19,7 @@ from gtpin.data import Dataset, InstrumentSection, check_commands
 from gtpin.data.duplicates import with_rounding
 from gtpin.data.files import warn_of
 from gtpin.data.names import ORIENTATION
-from gtpin.data.plausible import named_poses
-from gtpin.data.sane import sane_rows
+from gtpin.data.plausible import named_poses, sane_rows
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.frame_and_target import MEDIAN
 from gtpin.instruments.readings import Readings, single
@@ -65,7 +64,7 @@ def usable_rows(given: Dataset, nominal: Model) -> tuple[Dataset, Mask, Dataset,
         )
     check_sockets(given, robot)
     whole = single(given, robot)
-    check_commands(given, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    check_commands(given, robot)
     poses, usable = nominal.kinematics.forward(whole.q), sane_rows(whole)
     countable = "for numbers that are too large to count with", "no reading that can be counted with"
     reached = "for the robot can't reach them", "the robot reaches none of these commands"
@@ -111,9 +110,7 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
         )
 
     try:
-        check_commands(
-            dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute, suspect=doubt
-        )
+        check_commands(dataset, robot, doubt)
     except DatasetError:
         check_other_readings(dataset, nominal, poses, ~outside)  # the measurements may show which unit it is
         raise

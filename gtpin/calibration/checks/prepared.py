@@ -9,7 +9,7 @@ import numpy as np
 from gtpin.data import Dataset, without_whole_turns
 from gtpin.data.duplicates import counted_once
 from gtpin.data.files import warn_of
-from gtpin.data.sane import check_extremes
+from gtpin.data.plausible import check_extremes
 from gtpin.errors import DatasetError
 from gtpin.kinematics.rotations import log
 from gtpin.model.measured_robot import robot_of
@@ -44,9 +44,7 @@ def prepared(dataset: Dataset, nominal: Model) -> Dataset:
     """
     check_extremes(dataset)
     robot = nominal.robot
-    dataset = without_whole_turns(
-        dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute
-    )
+    dataset = without_whole_turns(dataset, robot)
     dataset = counted_once(with_positions(dataset, robot))
     wxyz = dataset.orientation
     if wxyz is None or len(wxyz) < 2 or (1.0 - np.abs(wxyz @ wxyz[0]) >= SAME).any():

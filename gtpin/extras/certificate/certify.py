@@ -9,7 +9,7 @@ from gtpin.calibration.checks.prepared import check_actuators, known_noise, prep
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
 from gtpin.data.duplicates import copies
-from gtpin.data.sane import sane_rows
+from gtpin.data.plausible import sane_rows
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.operating_points import OperatingPoints
