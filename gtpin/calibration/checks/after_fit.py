@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.calibration.checks.before_fit import check_moved, check_other_readings, reach_of
+from gtpin.calibration.checks.before_fit import about_track, check_moved, check_other_readings, reach_of
 from gtpin.calibration.checks.convention import check_convention
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
 from gtpin.calibration.checks.instruments import (
@@ -82,7 +82,6 @@ def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
     measured, seen = fit.whole.poses, fit.whole.start.in_instrument_frame(fit.near)
     far = np.asarray(np.linalg.norm(measured.T - seen.T, axis=1) > reach_of(fit.whole.start.geometry))
     check_stretch(kept, measured, seen, far, bumps=False)
-    coarse = None
     with _explained(kept, fit, measured, far):
         try:
             settled = settled_or_explained(fit) if doubt else fit.run()
@@ -98,14 +97,12 @@ def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
         residual = settled.fit.problem.raw_residual(settled.fit.point, settled.fit.point.poses)[:, :3]
         if np.sqrt((residual**2).sum(axis=1).mean()) > POOR:
             check_sessions_linear(kept, fit.whole, fit.near)
-            if coarse := _coarse_commands(fit.whole.start, measured, fit.near):
-                warn(f"{coarse}; give commands with more digits")
         if not settled.used.all():
             _check_set_aside(kept, measured, settled)
             counted = f"{np.count_nonzero(~settled.used):,} of {len(kept):,} rows, of "
             several = len(set(kept.pose)) < len(kept)
             warn(f"set aside as gross errors: {counted if several else ''}{named_poses(kept, ~settled.used)}")
-        _check_fit(kept, settled, seen)
+        coarse = _check_fit(kept, settled, seen)
         found = _unstrained(*with_credible_noise(fit, settled)) if doubt else settled
         if doubt and coarse is None:
             check_moved(kept, found.fit.point.model.geometry, fit.whole.start.geometry, fit.near, fit.found)
@@ -189,8 +186,11 @@ def _unstrained(fit: RobustFit, settled: FitState) -> FitState:
     return fit.with_geometry(relieved(settled, found)).run()
 
 
-def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> None:
-    """Raise `DatasetError` if even the calibrated robot is far from the data; warn if residuals are much larger than noise."""
+def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
+    """Raise `DatasetError` if even the calibrated robot is far from the data; warn if residuals are much larger than noise.
+
+    Returns what :func:`_coarse_commands` says of the residuals where they are larger than noise.
+    """
     point, measured = settled.fit.point, settled.fit.problem.poses
     model = point.model
     errors, errors_before = (
@@ -221,17 +221,17 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> None:
             f"the positions agree with the calibrated kinematics to {left * 1e6:.2g} um in the median, and no instrument "
             "measures so well: were they computed (targets of a controller, a simulation without noise), and not measured?"
         )
-    size = weights.robust_scale(settled.fit.residual)
+    size, coarse = weights.robust_scale(settled.fit.residual), None
     if size > MISFIT or settled.sigma_scale > 1.0:
         coarse = _coarse_commands(model, measured, point.poses)
         why = f"{coarse}; give them with more digits" if coarse else "the geometry does not explain these data"
         if coarse or size > MISFIT:
             times = max(size, settled.sigma_scale)
             warn(f"residuals are {times:{'.0f' if times > MISFIT else '.1f'}} times the noise: {why}")
-    # The rotation of a measured track about itself depends on where targets were on carts: it is no error of the machine.
-    rolled = np.array([p.kind == "track_direction" and p.component == 2 for p in model.geometry.parameters])
-    if strayed := far_from_declared(np.where(rolled, 0.0, settled.deviation), model.geometry.names):
-        warn(f"parameters more than {STRAYED:g} tolerances from nominal: {strayed}")
+    off = np.where(about_track(model.geometry), 0.0, settled.deviation)
+    if names := far_from_declared(off, model.geometry.names):
+        warn(f"parameters more than {STRAYED:g} tolerances from nominal: {names}")
+    return coarse
 
 
 def _coarse_commands(model: Model, measured: Measured, poses: Poses) -> str | None:
@@ -298,30 +298,19 @@ def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
                 hint="check its units, its rows' commands, and where it stood",
             )
             refuse(error, kept)
-    for i in range(len(readings.instruments)):
-        for text in _off_together(readings, used, i):
-            warn_of(readings.rows.files[i], text)
+    rows = readings.rows
+    for i, table in enumerate(rows.tables):
+        mine = rows.rows_of(i)
+        for column in table.ids:
+            names = rows.known[i].get(column, ())
+            for name in names if len(names) > 1 else ():
+                own = mine[rows.columns[column][mine] == name]
+                count, lost = (len(np.unique(rows.line[some])) for some in (own, own[~used[own]]))
+                if count >= SEVERAL and lost > MOST_READINGS * count:
+                    what = f"{lost} of {count} readings of {table.name} with {column} {name} do not fit the others"
+                    warn_of(rows.files[i], f"{what}: check what dataset.toml declares of it, and these rows")
     if not used.all():
         warn(f"set aside as gross errors: {named_poses(kept, ~used)}")
-
-
-def _off_together(readings: Readings, used: Mask, index: int) -> Iterator[str]:
-    """Texts for warnings: ids of an instrument of which most readings were set aside."""
-    rows = readings.rows
-    mine = rows.rows_of(index)
-    for column in rows.tables[index].ids:
-        if len(rows.known[index].get(column, ())) < 2:
-            continue
-        ids = rows.columns[column][mine]
-        for name in rows.known[index][column]:
-            own = np.unique(rows.line[mine[ids == name]])
-            lost = np.unique(rows.line[mine[(ids == name) & ~used[mine]]])
-            if len(own) >= SEVERAL and len(lost) > MOST_READINGS * len(own):
-                of = f"{rows.tables[index].name} with {column} {name}"
-                yield (
-                    f"{len(lost)} of {len(own)} readings of {of} do not fit the others: check what dataset.toml declares "
-                    "of it, and these rows"
-                )
 
 
 def _warn_of_strayed(settled: FitState, readings: Readings) -> None:

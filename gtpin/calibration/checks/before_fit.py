@@ -152,6 +152,11 @@ def reach_of(geometry: Geometry) -> float:
     return max(0.05, 50.0 * max(lengths, default=0.0))
 
 
+def about_track(geometry: Geometry) -> Mask:
+    """(p,) rotations of measured tracks about themselves: they depend on where targets were on carts, and are no errors."""
+    return np.array([p.kind == "track_direction" and p.component == 2 for p in geometry.parameters], dtype=bool)
+
+
 def check_moved(dataset: Dataset, geometry: Geometry, nominal: Geometry, near: Poses, free: Mask | None) -> None:
     """Refuse a fitted geometry whose links stand elsewhere than this robot's; the error names the farthest parameter.
 
@@ -160,9 +165,7 @@ def check_moved(dataset: Dataset, geometry: Geometry, nominal: Geometry, near: P
     the parameters of a free target; None: there are none.
     """
     size = float(np.sqrt(((near.T - near.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
-    off = np.abs(geometry.deviation)
-    # The rotation of a measured track about itself depends on where targets were on carts: it is no error of the machine.
-    off[[p.kind == "track_direction" and p.component == 2 for p in geometry.parameters]] = 0.0
+    off = np.where(about_track(geometry), 0.0, np.abs(geometry.deviation))
     moved = off * np.array([1.0 if p.unit == "m" else size for p in geometry.parameters])
     moved[(off <= FAR_TOLERANCES * nominal.tolerance) | (False if free is None else free)] = 0.0
     if moved.max(initial=0.0) <= FITS * size + ALLOWED:

@@ -60,10 +60,18 @@ def suspect(error: DatasetError, dataset: Dataset, before: Size, after: Size, *,
     Raises `DatasetError` if the data can't be fitted as they are, and can with the mistake corrected; not for trusted data.
     Warns: otherwise, if the correction makes the residuals smaller.
     """
-    now, then = _ratios(dataset, before, after)
+    known = (dataset.instrument.position_sigma, dataset.instrument.orientation_sigma)
+    noise = [
+        min(usual, max(left, least)) if sigma is None else sigma
+        for sigma, usual, left, least in zip(known, PLAUSIBLE, after, SMALLEST, strict=True)
+    ]
+    now, then = (max(size / sigma for size, sigma in zip(sizes, noise, strict=True)) for sizes in (before, after))
     beyond = any(size > most for size, most in zip(before, BEYOND, strict=True))
     certain = now > UNFIT and np.isfinite(then) and then <= max(FITS, now / (LOWER if beyond else FAR_LOWER))
-    if not dataset.trusted and (certain or (exact and _exactly(dataset, before, after))):
+    if exact and not certain:
+        seen = [(b / s, a / s) if s else (0.0, np.inf) for b, a, s in zip(before, after, known, strict=True) if b > 0.0]
+        certain = all(left <= EXACT for _, left in seen) and any(size > ABOVE for size, _ in seen)
+    if certain and not dataset.trusted:
         raise error
     left = ""
     if np.isfinite(before).all():
@@ -99,25 +107,6 @@ def far_from_declared(values: Floats, names: Sequence[str]) -> str:
     order = far[np.argsort(-np.abs(values[far]))]
     more = f" and {len(order) - NAMED} more" if len(order) > NAMED else ""
     return ", ".join(f"{names[i]} ({values[i]:+.0f})" for i in order[:NAMED]) + more
-
-
-def _ratios(dataset: Dataset, before: Size, after: Size) -> tuple[float, float]:
-    """The larger of the two residuals in units of the noise, as the data are and with the mistake corrected."""
-    declared = (dataset.instrument.position_sigma, dataset.instrument.orientation_sigma)
-    noise = [
-        min(usual, max(left, least)) if sigma is None else sigma
-        for sigma, usual, left, least in zip(declared, PLAUSIBLE, after, SMALLEST, strict=True)
-    ]
-    now, then = (max(size / sigma for size, sigma in zip(sizes, noise, strict=True)) for sizes in (before, after))
-    return now, then
-
-
-def _exactly(dataset: Dataset, before: Size, after: Size) -> bool:
-    """Whether residuals have exactly the declared noise once a mistake is corrected, and more as they are."""
-    known = (dataset.instrument.position_sigma, dataset.instrument.orientation_sigma)
-    seen = [(now, then, sigma) for now, then, sigma in zip(before, after, known, strict=True) if now > 0.0]
-    exact = all(sigma is not None and then <= EXACT * sigma for _, then, sigma in seen)
-    return exact and any(sigma is not None and now > ABOVE * sigma for now, _, sigma in seen)
 
 
 def _sizes(sizes: Size) -> str:
