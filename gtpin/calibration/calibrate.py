@@ -198,11 +198,11 @@ def _calibrated(
     nominal = Model(geometry)
     data = prepared(dataset, nominal)
     lone = dataset.readings.tracked
-    whole, usable, kept, near = usable_rows(data, nominal)
+    whole, usable, kept, near = usable_rows(data, nominal, lone=lone)
     problem = problem_of(kept, near, nominal, free=lone and data.instrument.frame == "free")
     found = np.array([p.kind == "platform" for p in geometry.parameters]) if data.instrument.target == "free" else None
     fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, found)
-    settled = settled_fit(data, kept, fit, doubt=doubt)
+    settled = settled_fit(data, kept, fit, lone=lone, doubt=doubt)
     if settled.dof < FEWEST:
         numbers = len(kept) * problem.measured.components
         raise DatasetError(

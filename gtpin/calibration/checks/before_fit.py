@@ -42,14 +42,14 @@ STEPS = 15
 """Largest number of steps of each fit."""
 
 
-def usable_rows(given: Dataset, nominal: Model) -> tuple[Dataset, Mask, Dataset, Poses]:
+def usable_rows(given: Dataset, nominal: Model, *, lone: bool) -> tuple[Dataset, Mask, Dataset, Poses]:
     """The dataset as it is fitted: with the noise that rounding adds, or with equally many numbers in each row; (N,) the rows
     that the robot can have reached; these rows, and their nominal poses, base frame.
 
-    ``nominal``: with the passive joints measured that encoders read.
+    ``nominal``: with the passive joints measured that encoders read. ``lone``: whether one tracker measured poses.
     """
     robot = nominal.robot
-    if given.readings.tracked:
+    if lone:
         whole = with_rounding(given)
         usable = sane_rows(whole)
         poses = nominal.kinematics.forward(whole.q[usable])

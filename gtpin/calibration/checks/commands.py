@@ -218,7 +218,7 @@ class CommandSearch:
             at = p + (turned @ t[..., None])[..., 0]
             if self.free_frame:
                 middle, seen = (weight * at).sum(axis=1, keepdims=True), (weight * T).sum(axis=1, keepdims=True)
-                F = _nearest(np.swapaxes(weight * (T - seen), 1, 2) @ (at - middle))
+                F = nearest(np.swapaxes(weight * (T - seen), 1, 2) @ (at - middle))
                 f = seen - middle @ np.swapaxes(F, 1, 2)
             if self.free_target:
                 aside = (np.swapaxes(turned, 2, 3) @ ((T - f) @ F - p)[..., None])[..., 0]
@@ -232,7 +232,7 @@ class CommandSearch:
             )
         if R is not None:
             seen = F[:, None] @ turned
-            X = _nearest((np.swapaxes(seen, 2, 3) @ R).sum(axis=1))[:, None] if self.free_target else np.eye(3)
+            X = nearest((np.swapaxes(seen, 2, 3) @ R).sum(axis=1))[:, None] if self.free_target else np.eye(3)
             r = np.concatenate([r, self.size * log(R @ np.swapaxes(seen @ X, 2, 3))], axis=2)
         found = np.full((len(q), *r.shape[1:]), np.nan)
         found[good] = np.where(reached[..., None], r, np.nan)
@@ -274,7 +274,7 @@ def _misfits(residuals: Floats) -> Floats:
     return np.where(none, np.inf, np.nanmedian(np.where(none[:, None], 0.0, off), axis=1))
 
 
-def _nearest(matrices: Floats) -> Floats:
+def nearest(matrices: Floats) -> Floats:
     """(K, 3, 3) the rotations that are nearest to matrices."""
     U, _, Vt = np.linalg.svd(matrices)
     U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]

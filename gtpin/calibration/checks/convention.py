@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.calibration.checks.readings import rotation_readings
+from gtpin.calibration.checks.readings import misread, rotation_readings
 from gtpin.calibration.checks.recognise import either
 from gtpin.calibration.checks.suspected import refuse, suspect
 from gtpin.calibration.gauss_newton import Fit
@@ -55,10 +55,11 @@ def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> Non
     A = J.reshape(-1, J.shape[2]) * weight[:, None]
     solve = np.linalg.solve(A.T @ A + np.diag(problem.prior), A.T)
 
-    readings = list(rotation_readings(Rotation.from_matrix(some.R), turned=True))
-    rotations = [reading.R for reading in readings]
-    count = len(rotations)
-    read = Poses(np.tile(some.T, (count, 1)), np.concatenate(rotations))
+    rotation = Rotation.from_matrix(some.R)
+    as_is, *other_axes = rotation_readings(rotation, turned=True)
+    readings = [as_is, *misread(rotation), *other_axes]
+    count = len(readings)
+    read = Poses(np.tile(some.T, (count, 1)), np.concatenate([reading.R for reading in readings]))
     difference = read.minus(Poses(np.tile(predicted.T, (count, 1)), np.tile(predicted.R, (count, 1, 1))))
     r = np.einsum("nij,knj->kni", problem.whitening, difference.reshape(count, -1, 6)).reshape(count, -1) * weight
     # (k, 2) sums of squares of the position and orientation residuals that each of k readings leaves after the fit.

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from gtpin.calibration.checks.commands import nearest
 from gtpin.calibration.checks.readings import UNITS
+from gtpin.calibration.checks.recognise import ALLOWED, BETTER, FITS
 from gtpin.calibration.checks.suspected import suspect
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data import Dataset
@@ -12,10 +14,6 @@ from gtpin.errors import DatasetError
 from gtpin.kinematics.poses import Poses
 from gtpin.typing import Floats, Mask
 
-FITS, ALLOWED = 0.1, 5e-3
-"""Share of the workspace's size, and error of a machine, m, up to which a row fits: see :mod:`.recognise`."""
-BETTER = 4.0
-"""Factor by which another unit must bring a row nearer to the nominal model. Assumed."""
 FEWEST, SHARE = 6, 0.1
 """Rows, and share of all rows, below which a part in one unit is left to the search for gross errors. Assumed."""
 REST = 0.75
@@ -81,10 +79,8 @@ def _seen(T: Floats, poses: Poses, near: float) -> Floats:
     rows = np.argsort(rng.random((TRIPLES, len(T))), axis=1)[:, :3]
     a, b = poses.T[rows], T[rows]
     centre_a, centre_b = a.mean(axis=1), b.mean(axis=1)
-    U, _, Vt = np.linalg.svd(np.einsum("kni,knj->kij", b - centre_b[:, None], a - centre_a[:, None]))
-    U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
-    R = U @ Vt
-    shift = centre_b - np.einsum("kij,kj->ki", R, centre_a)
+    R = nearest(np.swapaxes(b - centre_b[:, None], 1, 2) @ (a - centre_a[:, None]))
+    shift = centre_b - (R @ centre_a[..., None])[..., 0]
     tried = [_off(T, poses.T @ R[k].T + shift[k]) for k in range(TRIPLES)]
     off = max(tried, key=lambda off: (int((off.min(axis=0) <= near).sum()), -float(np.median(off.min(axis=0)))))
     good = off[0] <= near

@@ -108,7 +108,7 @@ def position_readings(*, turned: bool, alone: bool = False) -> Iterator[Position
 
 
 def rotation_readings(rotation: Rotation, axes: Floats = ONE, *, turned: bool) -> Iterator[Rotations]:
-    """Ways to read N quaternions, the first as they are, the usual mistakes next.
+    """Ways to read N quaternions, the first as they are, the usual mistakes next, without those of :func:`misread`.
 
     ``axes``: (3, 3) how the axes of the positions are read. ``turned``: a rotation of the frame is fitted as well. Then ways
     that only rotate the frame are left out.
@@ -122,7 +122,6 @@ def rotation_readings(rotation: Rotation, axes: Floats = ONE, *, turned: bool) -
         read = wxyz[:, [parts.index(part) for part in "wxyz"]]
         hint = "give qw qx qy qz in that order of meaning, scalar first"
         yield Rotations(order_looks(parts), hint, 1, from_quaternions(read))
-    yield from _misread(rotation)
     handed = np.linalg.det(axes) * axes
     for vector in signed_permutations()[2:]:
         with_axes = bool((vector == handed).all()) and not (axes == ONE).all()
@@ -152,7 +151,7 @@ def order_looks(parts: str) -> str:
     )
 
 
-def _misread(rotation: Rotation) -> Iterator[Rotations]:
+def misread(rotation: Rotation) -> Iterator[Rotations]:
     """All mistakes between two conventions: three numbers of the one were converted by the other."""
     pairs: list[tuple[Convention, Convention, bool]] = [(*pair, True) for pair in permutations(BY_AXIS, 2)]
     for one, two in permutations(BY_ORDER, 2):

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gtpin.calibration.checks.commands import REACHED, CommandReading, CommandSearch, one_mistake, several_mistakes
-from gtpin.calibration.checks.readings import Reading, position_readings, rotation_readings
+from gtpin.calibration.checks.readings import Reading, Rotations, misread, position_readings, rotation_readings
 from gtpin.calibration.free_target import without_target
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data.names import ORIENTATION
@@ -147,6 +147,11 @@ class Search:
             return float(np.median(np.linalg.norm(self.all.T - np.median(self.all.T, axis=0), axis=1)))
         return _size(self.poses)
 
+    @cached_property
+    def _misread(self) -> list[Rotations]:
+        """Rotations whose numbers were converted by another convention."""
+        return [] if self.rotation is None else list(misread(self.rotation))
+
     @property
     def lost(self) -> bool:
         """Whether the model reaches too few of the commands to compare anything with it."""
@@ -254,7 +259,7 @@ class Search:
             if rotation is None:
                 yield self._read((columns, p.looks, p.hint, p.mistakes), Measured(q, T, None), poses, turned)
                 continue
-            for o in rotation_readings(rotation, p.axes, turned=turned):
+            for o in (*rotation_readings(rotation, p.axes, turned=turned), *self._misread):
                 if self.free_tool and o.of_target:  # other axes of the target are a free target
                     continue
                 mount = nearest((np.swapaxes(seen.R, 1, 2) @ o.R).sum(axis=0)) if self.free_target else np.eye(3)
