@@ -145,7 +145,8 @@ def check_commands(rows: Dataset | Commands, drives: Drives, suspect: Doubt | No
             if suspect is None:
                 raise error
             suspect(error, replace(rows, q=np.where(np.arange(q.shape[1]) == j, np.deg2rad(q), q)))
-    outside: Mask = np.asarray(beyond > 1e-9 * np.where(np.isfinite(high - low), high - low, 0.0)).any(axis=1)
+    width = np.where(np.isfinite(high - low), high - low, 0.0)
+    outside = np.asarray((beyond > 1e-9 * width).any(axis=1))
     if outside.any():
         warn_of(rows.file, f"commands a little outside the robot's range: {named_poses(rows, outside)}")
 

@@ -69,7 +69,8 @@ declared wrongly. Assumed."""
 def settled_fit(given: Dataset, kept: Dataset, fit: RobustFit, *, lone: bool, doubt: bool) -> FitState:
     """Run the robust fit of the rows that are ``kept`` of a dataset, with its checks.
 
-    ``lone``: whether one tracker measured poses. ``doubt``: whether the declared noise, frame and tolerances are checked too; those of readings always are.
+    ``lone``: whether one tracker measured poses. ``doubt``: whether the declared noise, frame and tolerances are checked too;
+    those of readings always are.
 
     Raises `DatasetError` if the data can't be this robot's, or the fit does not describe them. `ConvergenceError` if it
     does not converge for another reason. Warns: names the poses that are rejected, and what was assumed wrongly.
