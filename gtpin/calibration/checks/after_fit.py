@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from gtpin.calibration.checks import limits
 from gtpin.calibration.checks.before_fit import about_track, check_moved, check_other_readings, reach_of
 from gtpin.calibration.checks.convention import check_convention
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
 from gtpin.calibration.checks.instruments import (
-    VARIATION,
     Misfit,
     check_fitted,
     check_heights,
@@ -27,7 +27,7 @@ from gtpin.calibration.checks.moved import (
     stretch,
 )
 from gtpin.calibration.checks.prior_conflict import relieved, strain
-from gtpin.calibration.checks.suspected import BEYOND, MISFIT, STRAYED, far_from_declared, refuse
+from gtpin.calibration.checks.suspected import far_from_declared, refuse
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.problem import Measured, rough_frame
@@ -44,26 +44,6 @@ from gtpin.model.model import Model
 from gtpin.noise import weights
 from gtpin.noise.reading_noise import SMALLEST
 from gtpin.typing import Mask
-
-WHOLE = 1e-3
-"""Median error, m, of rows that were set aside, from which they belong to another measurement. Assumed: an effect that acts
-in some rows only is smaller."""
-MOST = 0.25
-"""Largest share of the rows that can be gross errors: with more, it is not clear which rows are wrong. Assumed."""
-FAR = 0.01
-"""Median position error after a fit, m, that no calibrated robot shows. Assumed."""
-POOR = 1e-3
-"""Position error, m, that no effect of the catalogue leaves after a calibration. Assumed."""
-ROUNDED = 0.1, 1.5
-"""Error of the commands over the step: at least in the median, at most in nine tenths of the rows. Assumed:
-rounding makes up to a half, truncation up to one, and the geometry's own errors come on top."""
-MOST_READINGS = 0.5
-"""Largest share of gross errors among an instrument's rows; above it, it is not clear which rows are the errors. Assumed."""
-SEVERAL = 3
-"""Fewest readings of one id for a message that most of them were set aside. Assumed."""
-CHANCE = 1e-6
-"""Probability, by the tolerances, of a geometry that is at least as far from nominal as a whole, below which something is
-declared wrongly. Assumed."""
 
 
 def settled_fit(given: Dataset, kept: Dataset, fit: RobustFit, *, lone: bool, doubt: bool) -> FitState:
@@ -96,7 +76,7 @@ def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
             used, noise = kept.take(settled.used), settled.noise.take(settled.used)
             check_instrument_steps(used, settled.fit.problem, settled.fit.point, noise)
         residual = settled.fit.problem.raw_residual(settled.fit.point, settled.fit.point.poses)[:, :3]
-        if np.sqrt((residual**2).sum(axis=1).mean()) > POOR:
+        if np.sqrt((residual**2).sum(axis=1).mean()) > limits.POOR:
             check_sessions_linear(kept, fit.whole, fit.near)
         if not settled.used.all():
             _check_set_aside(kept, measured, settled)
@@ -135,10 +115,10 @@ def _check_set_aside(kept: Dataset, measured: Measured, settled: FitState) -> No
     predicted = settled.fit.point.model.predict(kept.q)
     check_stretch(kept, measured, predicted, aside)
     off = np.linalg.norm(measured.T - predicted.T, axis=1)
-    if np.nanmedian(off[aside]) < WHOLE:
+    if np.nanmedian(off[aside]) < limits.POOR:
         return
     found = stretch(aside)
-    if found is None and aside.mean() < MOST:
+    if found is None and aside.mean() < limits.MOST_GROSS:
         return
     lines = kept.row[aside if found is None else found]
     where = f"{aside.sum()} of {len(aside)} rows" if found is None else f"rows {lines.min()} to {lines.max()}"
@@ -149,7 +129,7 @@ def _check_set_aside(kept: Dataset, measured: Measured, settled: FitState) -> No
         row=int(lines.min()),
         hint="commands or readings of other rows, signs or units of a part of the table; correct them, or leave them out",
     )
-    if left > BEYOND[0]:
+    if left > limits.NO_EFFECT[0]:
         refuse(error, kept)
     else:
         warn(str(error))
@@ -158,7 +138,7 @@ def _check_set_aside(kept: Dataset, measured: Measured, settled: FitState) -> No
 def _unstrained(fit: RobustFit, settled: FitState) -> FitState:
     """The result of the fit; if the priors contradict the data, repeated with a wider tolerance or a free frame."""
     found = strain(settled)
-    strayed = np.abs(settled.deviation).max(initial=0.0) > STRAYED
+    strayed = np.abs(settled.deviation).max(initial=0.0) > limits.FAR_FROM_PRIOR
     # Where no parameter deviates so far, the priors may be contradicted by another cause, such as a ball out of round.
     if settled.widened == 1.0 and (found is None or (found.what != "frame" and not strayed)):
         return settled
@@ -199,19 +179,19 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
         for predicted in (model.in_instrument_frame(point.poses), nominal[settled.used])
     )
     left, before = float(np.median(errors)), float(np.median(errors_before))
-    worst = float(np.quantile(errors, 1.0 - MOST))
+    worst = float(np.quantile(errors, 1.0 - limits.MOST_GROSS))
     what = None
-    if left > FAR and left > 0.25 * before:
+    if left > limits.NO_EFFECT[0] and left > 0.25 * before:
         what = f"calibration leaves {left * 1e3:.3g} mm of {before * 1e3:.3g} mm: these can't be the robot's poses"
     elif worst > reach_of(model.geometry):
-        share = f"{MOST:.0%} of the poses"
+        share = f"{limits.MOST_GROSS:.0%} of the poses"
         what = f"calibration leaves {worst * 1e3:.3g} mm and more at {share}: these can't be the robot's poses"
     if what:
         hint = "check the order, signs and zeros of columns"
         if kept.instrument.frame != "free":
             hint += ', and whether the instrument stood elsewhere (frame = "free")'
         lines = kept.row[settled.used]
-        found = stretch(errors > max(10.0 * float(np.quantile(errors, 0.25)), WHOLE))
+        found = stretch(errors > max(10.0 * float(np.quantile(errors, 0.25)), limits.POOR))
         row = None
         if found is not None:  # the others fit: these rows are the reason
             row = int(lines[found].min())
@@ -223,15 +203,15 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
             "measures so well: were they computed (targets of a controller, a simulation without noise), and not measured?"
         )
     size, coarse = weights.robust_scale(settled.fit.residual), None
-    if size > MISFIT or settled.sigma_scale > 1.0:
+    if size > limits.MISFIT or settled.sigma_scale > 1.0:
         coarse = _coarse_commands(model, measured, point.poses)
         why = f"{coarse}; give them with more digits" if coarse else "the geometry does not explain these data"
-        if coarse or size > MISFIT:
+        if coarse or size > limits.MISFIT:
             times = max(size, settled.sigma_scale)
-            warn(f"residuals are {times:{'.0f' if times > MISFIT else '.1f'}} times the noise: {why}")
+            warn(f"residuals are {times:{'.0f' if times > limits.MISFIT else '.1f'}} times the noise: {why}")
     off = np.where(about_track(model.geometry), 0.0, settled.deviation)
     if names := far_from_declared(off, model.geometry.names):
-        warn(f"parameters more than {STRAYED:g} tolerances from nominal: {names}")
+        warn(f"parameters more than {limits.FAR_FROM_PRIOR:g} tolerances from nominal: {names}")
     return coarse
 
 
@@ -245,7 +225,7 @@ def _coarse_commands(model: Model, measured: Measured, poses: Poses) -> str | No
     off = measured.T[some] - near.moved(frame.T, frame.R).T
     J = model.kinematics.command_jacobian(q, near)[:, :3]
     wrong = np.abs(np.einsum("nij,nj->ni", np.linalg.pinv(J), off @ frame.R) / steps.size).max(axis=1)
-    if not ROUNDED[0] <= np.median(wrong) or np.quantile(wrong, 0.9) > ROUNDED[1]:
+    if not limits.ROUNDED[0] <= np.median(wrong) or np.quantile(wrong, 0.9) > limits.ROUNDED[1]:
         return None
     size = 1e3 * np.median(np.linalg.norm(off, axis=1))
     return f"all commands are multiples of {steps.words}, and poses are off by {size:.2g} mm, as such a step makes them"
@@ -273,13 +253,13 @@ def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit) -> FitState
     )
     own = np.isfinite(heights)
     # Errors of touches of the size by which their heights vary would be taken for noise that was not declared.
-    vary = own.any() and settled.noise.estimated.any() and np.std(left[own]) > VARIATION * np.std(heights[own])
-    if settled.scale > MISFIT or vary:
+    vary = own.any() and settled.noise.estimated.any() and np.std(left[own]) > limits.VARIATION * np.std(heights[own])
+    if settled.scale > limits.MISFIT or vary:
         check_heights(given, readings, near, reach, misfit)
     _check_used(kept, readings, settled.used)
     before = [Misfit.of(readings, near, i) for i in range(len(readings.instruments))]
     check_fitted(given, fitted, settled.fit.point.poses, reach, before)
-    if settled.scale > MISFIT:
+    if settled.scale > limits.MISFIT:
         scale = f"residuals are {settled.scale:.0f} times the noise"
         warn(f"{scale}: the geometry does not explain these data, or the declared sigma is too small")
     check_moved(given, settled.fit.point.model.geometry, fit.whole.start.geometry, near, fit.found)
@@ -292,7 +272,7 @@ def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
     for i, one in enumerate(readings.instruments):
         mine = readings.rows.of == i
         share = float((~used[mine]).mean()) if mine.any() else 0.0
-        if share > MOST_READINGS:
+        if share > limits.MOST_GROSS_READINGS:
             error = DatasetError(
                 f"{100.0 * share:.0f} % of the readings of {one.name} do not fit the others",
                 file=readings.rows.files[i],
@@ -307,7 +287,7 @@ def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
             for name in names if len(names) > 1 else ():
                 own = mine[rows.columns[column][mine] == name]
                 count, lost = (len(np.unique(rows.line[some])) for some in (own, own[~used[own]]))
-                if count >= SEVERAL and lost > MOST_READINGS * count:
+                if count >= limits.SEVERAL_READINGS and lost > limits.MOST_GROSS_READINGS * count:
                     what = f"{lost} of {count} readings of {table.name} with {column} {name} do not fit the others"
                     warn_of(rows.files[i], f"{what}: check what dataset.toml declares of it, and these rows")
     if not used.all():
@@ -322,11 +302,13 @@ def _warn_of_strayed(settled: FitState, readings: Readings) -> None:
     along = seen.directions[:, known].T @ x
     chance = chi2.sf(float((along**2 / seen.variance_reduction[known]).sum()), max(int(known.sum()), 1))
     if names := far_from_declared(x, settled.geometry.names):
-        warn(f"parameters more than {STRAYED:g} tolerances from nominal: {names}")
-    elif chance < CHANCE:
+        warn(f"parameters more than {limits.FAR_FROM_PRIOR:g} tolerances from nominal: {names}")
+    elif chance < limits.GEOMETRY_CHANCE:
         text = f"the geometry as a whole is farther from nominal than its tolerances allow (chance {chance:.1g})"
         hint = "check commands, known distances, and what is declared of the instruments, or give larger tolerances"
         warn(f"{text}: {hint}; an effect that the geometry takes up may do this as well")
     if names := far_from_declared(readings.deviation, [unknown.name for unknown in readings.unknowns]):
         hint = "correct what it declares, or give larger prior sigmas"
-        warn(f"unknowns more than {STRAYED:g} prior sigmas from what dataset.toml declares: {names}: {hint}")
+        warn(
+            f"unknowns more than {limits.FAR_FROM_PRIOR:g} prior sigmas from what dataset.toml declares: {names}: {hint}"
+        )

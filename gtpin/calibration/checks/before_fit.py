@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.calibration.checks.commands import REACHED
+from gtpin.calibration.checks import limits
 from gtpin.calibration.checks.instruments import check_distances, check_sockets
 from gtpin.calibration.checks.mixed_units import check_mixed_units
 from gtpin.calibration.checks.moved import check_sessions
-from gtpin.calibration.checks.recognise import ALLOWED, FITS, recognised
-from gtpin.calibration.checks.suspected import NO_FIT, PLAUSIBLE, Size, refuse, suspect
+from gtpin.calibration.checks.recognise import recognised
+from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
 from gtpin.calibration.free_target import with_target
 from gtpin.calibration.gauss_newton import fit
 from gtpin.calibration.problem import Measured, Problem, measured_poses, rough_frame
@@ -28,18 +28,6 @@ from gtpin.model.model import Frame, Model
 from gtpin.noise import weights
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Mask
-
-ROWS = 150
-"""Number of rows that are enough. Assumed."""
-FEWEST_ROWS = 6
-"""Number of rows below which nothing is fitted."""
-COARSE = 1e-3
-"""Noise, m and rad, of the first fit: with less, the cost is a narrow curved valley far from its minimum."""
-FAR_TOLERANCES, FAR = 50.0, {"m": 0.02, "rad": 0.05}
-"""Deviation of a parameter from nominal, in units of its tolerance, and in m and rad, that no machine has. Assumed: a fit that
-needs more makes up for a mistake."""
-STEPS = 15
-"""Largest number of steps of each fit."""
 
 
 def usable_rows(given: Dataset, nominal: Model, *, lone: bool) -> tuple[Dataset, Mask, Dataset, Poses]:
@@ -101,7 +89,7 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
     inside, seen = dataset.take(~outside), poses[~outside]
     check_mixed_units(inside, seen)
     check_sessions(inside, nominal, seen)
-    if poses.reached.mean() <= REACHED:
+    if poses.reached.mean() <= limits.REACHED:
         check_other_readings(dataset, nominal, poses, ~outside)
 
     def doubt(error: DatasetError, corrected: Dataset) -> None:
@@ -160,15 +148,15 @@ def about_track(geometry: Geometry) -> Mask:
 def check_moved(dataset: Dataset, geometry: Geometry, nominal: Geometry, near: Poses, free: Mask | None) -> None:
     """Refuse a fitted geometry whose links stand elsewhere than this robot's; the error names the farthest parameter.
 
-    That is by more than `FAR_TOLERANCES`, and more than the largest misfit that is accepted of nominal poses: a fit that needs
-    so much makes up for a mistake. ``nominal``: with the tolerances as given. ``near``: (N) its poses. ``free``: (p,) True for
-    the parameters of a free target; None: there are none.
+    That is by more than `limits.ANOTHER_TOLERANCES`, and more than the largest misfit that is accepted of nominal poses: a
+    fit that needs so much makes up for a mistake. ``nominal``: with the tolerances as given. ``near``: (N) its poses.
+    ``free``: (p,) True for the parameters of a free target; None: there are none.
     """
     size = float(np.sqrt(((near.T - near.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
     off = np.where(about_track(geometry), 0.0, np.abs(geometry.deviation))
     moved = off * np.array([1.0 if p.unit == "m" else size for p in geometry.parameters])
-    moved[(off <= FAR_TOLERANCES * nominal.tolerance) | (False if free is None else free)] = 0.0
-    if moved.max(initial=0.0) <= FITS * size + ALLOWED:
+    moved[(off <= limits.ANOTHER_TOLERANCES * nominal.tolerance) | (False if free is None else free)] = 0.0
+    if moved.max(initial=0.0) <= limits.ACCEPTED * size + limits.ALLOWED:
         return
     worst = geometry.parameters[int(np.argmax(moved))]
     far = f"{1e3 * geometry[worst.name] - 1e3 * worst.nominal:+.3g} {'mm' if worst.unit == 'm' else 'mrad'}"
@@ -183,30 +171,30 @@ def left_after_fit(nominal: Model, measured: Measured, instrument: InstrumentSec
     ``nominal``: the nominal model; a free target is placed anew. ``measured``: the measured poses. ``instrument``: says
     what is free, and which noise is declared.
     """
-    some = np.linspace(0, len(measured.T) - 1, min(len(measured.T), ROWS)).astype(int)
+    some = np.linspace(0, len(measured.T) - 1, min(len(measured.T), limits.ENOUGH_ROWS)).astype(int)
     measured, free = measured.take(some), instrument.frame == "free"
     if instrument.target == "free":
         nominal = replace(nominal, geometry=with_target(nominal.geometry, measured, free_frame=free)[0])
     poses = nominal.kinematics.forward(measured.q)
     there = poses.reached
-    if there.sum() < FEWEST_ROWS or there.mean() <= REACHED:
+    if there.sum() < limits.FEWEST_ROWS or there.mean() <= limits.REACHED:
         return NO_FIT
     measured, poses = measured.take(there), poses[there]
     start = replace(nominal, frame=rough_frame(poses, measured) if free else Frame())
-    last = (instrument.position_sigma or PLAUSIBLE[0], instrument.orientation_sigma or PLAUSIBLE[1])
+    last = (instrument.position_sigma or limits.USUAL_NOISE[0], instrument.orientation_sigma or limits.USUAL_NOISE[1])
     readings, c = Readings.of_poses(measured.q, measured.T, measured.R, nominal.robot), measured.components
     x = None
     try:
-        for sigmas in ((COARSE, COARSE), last):
+        for sigmas in ((limits.COARSE_NOISE, limits.COARSE_NOISE), last):
             whitening = np.diag(1.0 / np.repeat(sigmas, 3)[:c])
             problem = Problem(start, readings, np.broadcast_to(whitening, (len(poses), c, c)), free)
-            found = fit(problem, weights.huber, x, near=poses, enough=STEPS)
+            found = fit(problem, weights.huber, x, near=poses, enough=limits.QUICK_STEPS)
             x, poses = found.point.x, found.point.poses
     except (ConvergenceError, np.linalg.LinAlgError):
         return NO_FIT
     off = np.abs(found.point.x[: found.problem.n_geometry])
-    farthest = np.array([FAR.get(p.unit, np.inf) for p in nominal.geometry.parameters])
-    if ((off > FAR_TOLERANCES) & (off * nominal.geometry.tolerance > farthest)).any():
+    farthest = np.array([limits.ANOTHER_ROBOT.get(p.unit, np.inf) for p in nominal.geometry.parameters])
+    if ((off > limits.ANOTHER_TOLERANCES) & (off * nominal.geometry.tolerance > farthest)).any():
         return NO_FIT  # another robot
     residual = measured.residual_at(found.point.model.in_instrument_frame(poses))
     position, rotation = (float(np.median(np.linalg.norm(part, axis=1))) for part in (residual[:, :3], residual[:, 3:]))

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from gtpin.calibration.checks import limits
 from gtpin.calibration.checks.readings import UNITS
 from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
 from gtpin.calibration.problem import with_unknowns
@@ -33,35 +34,12 @@ from gtpin.robot.chain import Chain
 
 LOOK = "check the order of q1 .. qn, that rows have their own commands, units, and where the instrument stood"
 """What the user should do where no usual mistake explains the readings."""
-TURN = 0.2
-"""Median error of a tilt or an orientation, rad, that no robot within its tolerances shows. Assumed."""
-SUSPECT = 0.05
-"""Share of the largest error within tolerances from which other ways to read a table are tried. Assumed."""
-LEFT = 0.2
-"""Share of the largest error within tolerances, m, that the median error stays below where a fit has found its minimum.
-Assumed."""
-STRAINED = 10.0
-"""Deviation of an unknown from its declared value, in prior sigmas, from which other ways to read a table are tried too.
-Assumed."""
-FAR_PRIORS = 30.0
-"""Deviation of an unknown from its declared value after a fit, in prior sigmas, with which the data are not fitted. Assumed."""
-USUAL = 1e-3
-"""Usual error of a nominal robot, m and rad: it counts as much as a deviation of one prior sigma. Assumed."""
-VARIATION = 0.3
-"""Largest error, as a share of a column's variation, with which a unit that makes the column's numbers smaller is accepted:
-with numbers near zero, a wrong unit fits any robot that hardly moves. Assumed."""
-ALIKE = 1.5
-"""Ratio of errors up to which two ways to read a table count as equally good. Assumed."""
-BETTER = 10.0
-"""Ratio of errors from which another way to read a table is the right one. Assumed: a wrong unit makes hundreds."""
 LENGTHS: dict[type[InstrumentTable], tuple[str, ...]] = {
     TrackerTable: ("x", "y", "z"),
     RangeTable: ("range",),
     PlaneTable: ("height",),
 }
 """Columns of lengths."""
-ANY_ZERO = 1e3
-"""Prior sigma of an encoder's zero, rad or m, with which the zero is practically free."""
 PLACES = ("stations", "planes", "sockets")
 """Keys of dataset.toml that have points of the base frame."""
 TILTS: tuple[tuple[str, tuple[str, str], tuple[float, float]], ...] = (
@@ -107,12 +85,12 @@ class Misfit:
     def exceeds(self, reach: float, share: float = 1.0) -> bool:
         """Whether errors are larger than a share of those of robots within their tolerances, which move the TCP by ``reach``,
         m."""
-        return self.off.get("m", 0.0) > share * reach or self.off.get("rad", 0.0) > share * TURN
+        return self.off.get("m", 0.0) > share * reach or self.off.get("rad", 0.0) > share * limits.NO_TURN
 
     @property
     def size(self) -> float:
-        """The largest of the errors, in units of ``USUAL``, and of ``strain``."""
-        return max(*(off / USUAL for off in self.off.values()), self.strain)
+        """The largest of the errors, in units of ``limits.USUAL_ERROR``, and of ``strain``."""
+        return max(*(off / limits.USUAL_ERROR for off in self.off.values()), self.strain)
 
     def __str__(self) -> str:
         unit = max(self.off, key=lambda unit: self.off[unit])
@@ -179,7 +157,7 @@ def ways(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[Oth
         hint = "readings grow with the joint's coordinate as the URDF has it: multiply by -1"
         yield Otherwise("readings have the other sign", hint, _scaled(["reading"], -1.0))
         hint = "subtract the offset from the readings, or declare a larger zero_sigma"
-        yield Otherwise("the zero is farther off than zero_sigma says", hint, said={"zero_sigma": ANY_ZERO})
+        yield Otherwise("the zero is farther off than zero_sigma says", hint, said={"zero_sigma": limits.ANY_ZERO})
     if isinstance(table, TrackerTable) and "qw" in rows.columns:
         hint = "give qw qx qy qz, the real part first"
         read = {name: (of, 1.0) for name, of in zip(ORIENTATION, ("qz", "qw", "qx", "qy"), strict=True)}
@@ -213,14 +191,14 @@ def check_readable(
     """
     for i, one in enumerate(readings.instruments):
         now = Misfit.of(readings, poses, i)
-        if not now.exceeds(reach, SUSPECT) and now.strain <= STRAINED:
+        if not now.exceeds(reach, limits.READ_SUSPECT) and now.strain <= limits.READ_FAR:
             continue
         file = readings.rows.files[i]
         tried = list(_read_otherwise(readings, poses, i))
         least = min((misfit.size for misfit, *_ in tried), default=np.inf)
         # The first way that is about as good as the best: the usual and simple ones come first.
-        found = next((way for way in tried if way[0].size <= ALIKE * least), None)
-        if found is not None and not found[0].exceeds(reach) and found[0].size < now.size / BETTER:
+        found = next((way for way in tried if way[0].size <= limits.AS_GOOD * least), None)
+        if found is not None and not found[0].exceeds(reach) and found[0].size < now.size / limits.READ_BETTER:
             best, read, other = found
             by = f"{now} off, read so {best}" if now.size > now.strain else "possible only far from what is declared"
             error = _error(dataset, readings, i, other, f"as it stands, readings are {by}")
@@ -233,7 +211,7 @@ def check_readable(
                 hint="check units, signs, commands, and where the instrument stood",
             )
             after = fitted(readings, i)
-            if after is None or after.exceeds(LEFT * reach):
+            if after is None or after.exceeds(limits.READ_LEFT * reach):
                 refuse(error, dataset)
             else:
                 warn(str(error))
@@ -257,7 +235,7 @@ def check_heights(
         tried = [(_size(fitted(read, i, True)), other) for misfit, read, other in ways if not misfit.exceeds(reach)]
         sizes = [max(after[0], noise) for after, _ in tried]
         for size, (after, other) in zip(sizes, tried, strict=True):
-            if size <= ALIKE * min(sizes) and size < before[0] / BETTER:
+            if size <= limits.AS_GOOD * min(sizes) and size < before[0] / limits.READ_BETTER:
                 now = f"and {1e3 * before[0]:.3g} mm" if np.isfinite(before[0]) else "and no fit"
                 by = f"a fit leaves {1e3 * after[0]:.3g} mm, {now} as it stands"
                 suspect(_error(dataset, readings, i, other, by), dataset, before, after)
@@ -286,7 +264,7 @@ def explained(readings: Readings, poses: Poses) -> Iterator[None]:
             ) from None
         found = [Misfit.of(readings, poses, i) for i in range(len(readings.instruments))]
         worst = max(range(len(found)), key=lambda i: found[i].size)
-        if found[worst].size < BETTER:
+        if found[worst].size < limits.READ_BETTER:
             raise
         by = f"the nominal robot gives others, by {found[worst]} and {found[worst].strain:.2g} prior sigmas of its unknowns"
         raise ConvergenceError(
@@ -303,8 +281,8 @@ def check_fitted(dataset: Dataset, readings: Readings, poses: Poses, reach: floa
     """
     for i, one in enumerate(readings.instruments):
         now, was = Misfit.of(readings, poses, i), before[i]
-        worse = any(off > BETTER * was.off[unit] for unit, off in now.off.items())
-        if now.exceeds(LEFT * reach) or (worse and now.exceeds(reach, SUSPECT)):
+        worse = any(off > limits.READ_BETTER * was.off[unit] for unit, off in now.off.items())
+        if now.exceeds(limits.READ_LEFT * reach) or (worse and now.exceeds(reach, limits.READ_SUSPECT)):
             what = f"readings of {one.name} are {now} off what the calibrated robot gives"
             what += f", and {was} off what the nominal robot gives" if worse else ""
             refuse(DatasetError(what, file=readings.rows.files[i], hint=LOOK), dataset)
@@ -312,7 +290,7 @@ def check_fitted(dataset: Dataset, readings: Readings, poses: Poses, reach: floa
 
 def _size(misfit: Misfit | None) -> Size:
     """Residuals after a fit; `NO_FIT` where it failed, or needs unknowns that can't be."""
-    if misfit is None or misfit.strain > FAR_PRIORS:
+    if misfit is None or misfit.strain > limits.READ_FARTHEST:
         return NO_FIT
     return misfit.off.get("m", 0.0), misfit.off.get("rad", 0.0)
 
@@ -345,7 +323,7 @@ def _read_otherwise(
             misfit = Misfit.of(found, poses, index)
         except (DatasetError, np.linalg.LinAlgError):
             continue
-        if not (varied and smaller and misfit.off[unit] > VARIATION * spread):
+        if not (varied and smaller and misfit.off[unit] > limits.VARIATION * spread):
             yield misfit, found, other
 
 

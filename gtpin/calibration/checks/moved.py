@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from gtpin.calibration.checks import limits
 from gtpin.calibration.checks.prior_conflict import motions
-from gtpin.calibration.checks.recognise import LINE, expected_errors
+from gtpin.calibration.checks.recognise import expected_errors
 from gtpin.calibration.checks.suspected import Size, refuse, suspect
 from gtpin.calibration.problem import Measured, Point, Problem, measured_poses, problem_of, rough_frame
 from gtpin.data import Dataset
@@ -27,53 +28,8 @@ from gtpin.noise.estimate import ENOUGH
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats, Indices, Mask
 
-FEWEST = 8
-"""Fewest rows of a stretch, a sequence of rows. Assumed: eight consecutive rows with large errors are not due to chance."""
-SHARE = 0.1
-"""Share of rows with large errors from which a stretch is searched for: the largest share that scattered gross errors have."""
-WITHIN = 0.6
-"""Smallest share of a stretch's rows that have large errors, and of all rows with large errors that are in it."""
-MENDED = 0.1
-"""Largest share of a stretch's error that remains after the correction. Assumed: a neighbour's command or a moved frame
-explains the whole error or nothing."""
-OWN = 0.8
-"""Share of a session's rows that must lie in a stretch for the session to be the stretch's own."""
 NEIGHBOURS = ((1, "before"), (-1, "after"))
 """Shifts of the commands, in rows, that are tried, and the row from which each row then has its commands."""
-SIZE = 30.0
-"""Prior standard deviation of a step, mm and mrad; so wide that its value has little influence on the fit. Assumed."""
-GRID = 60
-"""Number of rows that are tried first; then all those near the best one."""
-EDGE = FEWEST
-"""Fewest rows before, between and after steps. A motion has six numbers and fits any one row, so that one large error would
-count as two steps."""
-RATIO = 2.0
-"""Power of the residuals without steps over that with them from which steps are the reason. Assumed: a moved frame
-explains all residuals, other causes only a part."""
-LARGE = 4.0
-"""Size of the step at the median pose, in standard deviations of the remaining residuals, from which data are refused. Assumed:
-smaller steps are left to a diagnosis, which compares them with drift and other causes."""
-AHEAD = 1.2
-"""Ratio of the best alternative's residual power to that of steps, above which steps are the reason. The alternatives are
-motions in proportion to time (to its third power), temperatures, payload or another recorded column that changes slowly.
-Assumed; with 150 poses of six numbers it is a log likelihood ratio of 80 nats."""
-FEWEST_OF_SESSION = 6
-"""Fewest rows from which the frame of a session is determined. Assumed."""
-FAR = 0.01
-"""Motion, m, from which data are refused before a fit. Assumed: with such motions no diagnosis is linear about one frame."""
-FAILED = 1e-3
-"""Motion, m, from which data are refused after a fit has failed. Assumed."""
-CLEAR = 4.0
-"""Ratio of a motion to the residuals with a separate frame for each session, above which the motion is clear. Assumed."""
-EXPECTED = 3.0
-"""Ratio of a motion to the expected error of the nominal model, above which the motion is clear: the best frame for a part of
-the workspace absorbs such errors. Assumed."""
-BEYOND = 0.1
-"""Motion, m, that is too large to be an error of the geometry. Assumed."""
-SESSIONS_RATIO = 4.0
-"""Power of the residuals without motions over that with them from which motions are why a fit failed. Assumed."""
-NAMED = 5
-"""Largest number of sessions that an error names."""
 
 
 def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: Mask, *, bumps: bool = True) -> None:
@@ -91,7 +47,7 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
     first, last = part.start, part.stop - 1
     off = np.linalg.norm(measured.T - predicted.T, axis=1)
     usual, before = float(np.nanmedian(off[~far])) if not far.all() else 0.0, float(np.nanmedian(off[part]))
-    mended = max(MENDED * before, 3.0 * usual)
+    mended = max(limits.STRETCH_LEFT * before, 3.0 * usual)
     file, row, rows = dataset.file, int(dataset.row[first]), f"rows {dataset.row[first]} to {dataset.row[last]}"
     for by, neighbour in NEIGHBOURS:
         inner = slice(first + 1, last)  # the ends have no neighbour in the stretch
@@ -114,7 +70,7 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
 def stretch(far: Mask) -> slice | None:
     """The stretch of rows that contains most of the rows with large errors (``far``); None where these are few or scattered."""
     count = int(far.sum())
-    if count < max(FEWEST, SHARE * len(far)):
+    if count < max(limits.STRETCH_ROWS, limits.STRETCH_SHARE * len(far)):
         return None
     # The run of largest sum where a far row counts one and another one takes one away (Kadane).
     best, here, start, found = 0, 0, 0, slice(0, 1)
@@ -125,7 +81,11 @@ def stretch(far: Mask) -> slice | None:
         if here > best:
             best, found = here, slice(start, i + 1)
     inside = far[found]
-    if len(inside) < FEWEST or inside.mean() < WITHIN or inside.sum() < WITHIN * count:
+    if (
+        len(inside) < limits.STRETCH_ROWS
+        or inside.mean() < limits.STRETCH_WITHIN
+        or inside.sum() < limits.STRETCH_WITHIN * count
+    ):
         return None
     return found
 
@@ -142,7 +102,7 @@ def own_session(dataset: Dataset, rows: Indices | slice) -> bool:
     inside[rows] = True
     session = np.unique(dataset.covariates["session"], return_inverse=True)[1]
     share = np.bincount(session, inside) / np.bincount(session)
-    return bool(len(share) > 1 and np.median(share[session[inside]]) > OWN)
+    return bool(len(share) > 1 and np.median(share[session[inside]]) > limits.OWN_SESSION)
 
 
 @dataclass(frozen=True)
@@ -185,14 +145,18 @@ class FrameScan:
     def best(self, steps: Sequence[int]) -> int:
         """The next step: together with ``steps`` it leaves the smallest residuals."""
         count = len(self.rows)
-        allowed = [k for k in range(EDGE, count - EDGE + 1) if all(abs(k - step) >= EDGE for step in steps)]
-        coarse = np.unique(np.linspace(0, len(allowed) - 1, GRID).astype(int))
+        allowed = [
+            k
+            for k in range(limits.STRETCH_ROWS, count - limits.STRETCH_ROWS + 1)
+            if all(abs(k - step) >= limits.STRETCH_ROWS for step in steps)
+        ]
+        coarse = np.unique(np.linspace(0, len(allowed) - 1, limits.STEP_GRID).astype(int))
 
         def least(places: list[int]) -> int:
             return places[int(np.argmin(self._lefts(np.array([[*steps, k] for k in places]))))]
 
         place = least([allowed[i] for i in coarse])
-        return least([k for k in allowed if abs(k - place) <= 1 + count // GRID])
+        return least([k for k in allowed if abs(k - place) <= 1 + count // limits.STEP_GRID])
 
     def ratio(self, steps: Sequence[int]) -> float:
         """Sum of squares of the residuals without steps over that with ``steps``."""
@@ -203,7 +167,7 @@ class FrameScan:
         a unit of each column at the median pose, in units of the noise and in m."""
         F = (self.F[:, :, None, :] * columns[:, None, :, None]).reshape(*self.F.shape[:2], -1)
         J = np.concatenate([self.J, F], axis=2).reshape(-1, self.J.shape[2] + F.shape[2])
-        s = np.concatenate([self._scale, np.full(F.shape[2], SIZE)])
+        s = np.concatenate([self._scale, np.full(F.shape[2], limits.STEP_SIZE)])
         b = s * (J.T @ self.y.ravel())
         x = np.linalg.solve(np.eye(len(s)) + s[:, None] * (J.T @ J) * s, b)
         delta = (s * x)[len(self.prior) :].reshape(-1, 6)
@@ -215,7 +179,7 @@ class FrameScan:
 
     @property
     def _scale(self) -> Floats:
-        return np.where(self.prior > 0.0, 1.0, SIZE)
+        return np.where(self.prior > 0.0, 1.0, limits.STEP_SIZE)
 
     @cached_property
     def _sums(self) -> tuple[Floats, Floats, Floats]:
@@ -249,8 +213,8 @@ class FrameScan:
         later = np.maximum(steps[:, :, None], steps[:, None])
         FF = self._sums[1][later].swapaxes(2, 3).reshape(sets, size, size)
         # The scaled normal equations of the steps, after the geometry was fitted.
-        b = SIZE * (self._sums[2][steps].reshape(sets, size) - absorbed_y @ X)
-        inner = np.eye(size) + SIZE**2 * (FF - X.swapaxes(1, 2) @ X)
+        b = limits.STEP_SIZE * (self._sums[2][steps].reshape(sets, size) - absorbed_y @ X)
+        inner = np.eye(size) + limits.STEP_SIZE**2 * (FF - X.swapaxes(1, 2) @ X)
         power = float((self.y**2).sum() - (absorbed_y**2).sum())
         return np.asarray(0.5 * (power - (b * np.linalg.solve(inner, b[..., None])[..., 0]).sum(axis=1)))
 
@@ -269,7 +233,7 @@ def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noi
 
     ``dataset``, ``noise``: the rows of the problem, and their noise. ``point``: about which the problem is linearised.
     """
-    if len(dataset) < 4 * EDGE:
+    if len(dataset) < 4 * limits.STRETCH_ROWS:
         return
     if len(dataset) > ENOUGH:  # of very many rows, evenly spaced ones are enough
         rows = np.arange(0, len(dataset), 1 + len(dataset) // ENOUGH)
@@ -283,15 +247,15 @@ def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noi
     for words, order in orders.items():
         scan = whole.ordered(order)
         steps: list[int] = []
-        while len(steps) < 2 and scan.ratio(steps) < RATIO:
+        while len(steps) < 2 and scan.ratio(steps) < limits.STEP_RATIO:
             steps = sorted([*steps, scan.best(steps)])
         rows = scan.rows[steps[0] : steps[1] if len(steps) > 1 else None]
         left = scan.left(steps)
         _, (size, *_), (moved, *_) = scan.moved_with((np.arange(len(dataset))[:, None] >= steps).astype(float))
-        small = scan.ratio(steps) < RATIO or size < LARGE * np.sqrt(2.0 * left / scan.y.size)
+        small = scan.ratio(steps) < limits.STEP_RATIO or size < limits.STEP_LARGE * np.sqrt(2.0 * left / scan.y.size)
         if small or own_session(dataset, rows):
             continue
-        if scan.moved_with(_alternatives(dataset, scan.rows))[0] < AHEAD * left:
+        if scan.moved_with(_alternatives(dataset, scan.rows))[0] < limits.STEP_AHEAD * left:
             continue
         lines = dataset.row[rows]
         error = DatasetError(
@@ -335,9 +299,9 @@ def check_sessions(dataset: Dataset, nominal: Model, poses: Poses) -> None:
         return
     part, poses = dataset.take(there), poses[there]
     moved = _moved(part, nominal, poses)
-    if FAR <= max(moved.values(), default=0.0) < BEYOND:
+    if limits.SESSION_FAR <= max(moved.values(), default=0.0) < limits.SESSION_BEYOND:
         moved = _moved_linear(part, problem_of(part, poses, nominal, free=dataset.instrument.frame == "free"), poses)
-    _suspect(dataset, moved, FAR)
+    _suspect(dataset, moved, limits.SESSION_FAR)
 
 
 def check_sessions_linear(dataset: Dataset, problem: Problem, near: Poses) -> None:
@@ -347,7 +311,7 @@ def check_sessions_linear(dataset: Dataset, problem: Problem, near: Poses) -> No
 
     Raises `DatasetError` if motions of the frame between sessions explain most of the power of the residuals.
     """
-    _suspect(dataset, _moved_linear(dataset, problem, near), FAILED)
+    _suspect(dataset, _moved_linear(dataset, problem, near), limits.SESSION_FAILED)
 
 
 def _moved_linear(dataset: Dataset, problem: Problem, near: Poses) -> dict[str, float]:
@@ -360,7 +324,7 @@ def _moved_linear(dataset: Dataset, problem: Problem, near: Poses) -> dict[str, 
     scan = FrameScan.of(thin, thin.point(np.zeros(thin.size), near[rows]), noise)
     columns = (sessions[rows, None] == np.array(names[1:])).astype(float)
     left, _, moved = scan.moved_with(columns)
-    return {} if scan.left(()) < SESSIONS_RATIO * left else dict(zip(names, [0.0, *moved.tolist()], strict=True))
+    return {} if scan.left(()) < limits.SESSION_RATIO * left else dict(zip(names, [0.0, *moved.tolist()], strict=True))
 
 
 def _suspect(dataset: Dataset, moved: dict[str, float], least: float) -> None:
@@ -369,8 +333,8 @@ def _suspect(dataset: Dataset, moved: dict[str, float], least: float) -> None:
     far = sorted((name for name in others if moved[name] >= least), key=lambda name: -moved[name])
     if not far:
         return
-    moves = ", ".join(f"{1e3 * moved[name]:.3g} mm in session {name}" for name in far[:NAMED])
-    more = f" and {len(far) - NAMED} more sessions" if len(far) > NAMED else ""
+    moves = ", ".join(f"{1e3 * moved[name]:.3g} mm in session {name}" for name in far[: limits.NAMED])
+    more = f" and {len(far) - limits.NAMED} more sessions" if len(far) > limits.NAMED else ""
     error = DatasetError(
         f"the instrument moved between sessions: from where it stood in session {first} by {moves}{more}",
         file=dataset.file,
@@ -381,13 +345,13 @@ def _suspect(dataset: Dataset, moved: dict[str, float], least: float) -> None:
 
 
 def _sessions(dataset: Dataset) -> tuple[NDArray[np.str_], list[str]]:
-    """The session of each row, and the names of the sessions with at least `FEWEST_OF_SESSION` rows, the largest first."""
+    """The session of each row, and the names of the sessions with at least `limits.FEWEST_ROWS` rows, the largest first."""
     if "session" not in dataset.covariates:
         return np.full(len(dataset), ""), []
     sessions = np.array([str(name) for name in dataset.covariates["session"]])
     names, counts = np.unique(sessions, return_counts=True)
     order = np.argsort(-counts, kind="stable")
-    return sessions, [str(names[k]) for k in order if counts[k] >= FEWEST_OF_SESSION]
+    return sessions, [str(names[k]) for k in order if counts[k] >= limits.FEWEST_ROWS]
 
 
 def _moved(dataset: Dataset, nominal: Model, poses: Poses) -> dict[str, float]:
@@ -400,7 +364,7 @@ def _moved(dataset: Dataset, nominal: Model, poses: Poses) -> dict[str, float]:
         wide, narrow = (
             np.linalg.svd(T - T.mean(axis=0), compute_uv=False) / len(T) ** 0.5 for T in (poses.T, poses.T[own])
         )
-        if measured.R is None and narrow[1] <= LINE * wide[0]:  # positions on a line do not determine a frame
+        if measured.R is None and narrow[1] <= limits.LINE * wide[0]:  # positions on a line do not determine a frame
             continue
         places[name] = frame = rough_frame(poses[own], measured.take(own))
         left[own] = np.linalg.norm(measured.T[own] - poses[own].moved(frame.T, frame.R).T, axis=1)
@@ -413,5 +377,5 @@ def _moved(dataset: Dataset, nominal: Model, poses: Poses) -> dict[str, float]:
     }
     some = np.linspace(0, len(poses) - 1, min(len(poses), 100)).astype(int)
     expected = expected_errors(nominal, measured.q[some], poses[some])[0]
-    clear = max(CLEAR * float(np.nanmedian(left)), EXPECTED * expected)
+    clear = max(limits.SESSION_CLEAR * float(np.nanmedian(left)), limits.SESSION_EXPECTED * expected)
     return moved if max(moved.values()) > clear else {}

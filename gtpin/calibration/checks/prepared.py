@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gtpin.calibration.checks import limits
 from gtpin.data import Dataset, without_whole_turns
 from gtpin.data.duplicates import counted_once
 from gtpin.data.files import warn_of
@@ -17,11 +18,6 @@ from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
-
-SAME = 1e-12
-"""1 less the cosine of half the angle, some 3 microradians, up to which orientations count as the same."""
-TURNS = 1e-5
-"""Angle, rad, by which the nominal orientation must change; less is rounding error of a robot that keeps its orientation."""
 
 
 def check_actuators(robot: Chain, dataset: Dataset) -> None:
@@ -47,13 +43,13 @@ def prepared(dataset: Dataset, nominal: Model) -> Dataset:
     dataset = without_whole_turns(dataset, robot)
     dataset = counted_once(with_positions(dataset, robot))
     wxyz = dataset.orientation
-    if wxyz is None or len(wxyz) < 2 or (1.0 - np.abs(wxyz @ wxyz[0]) >= SAME).any():
+    if wxyz is None or len(wxyz) < 2 or (1.0 - np.abs(wxyz @ wxyz[0]) >= limits.SAME_TURN).any():
         return dataset
     if dataset.n_actuators != robot.n_actuators:
         return dataset
     poses = nominal.kinematics.forward(dataset.q)
     R = poses.R[poses.reached]
-    if len(R) < 2 or float(np.linalg.norm(log(R @ R[0].T), axis=1).max()) <= TURNS:
+    if len(R) < 2 or float(np.linalg.norm(log(R @ R[0].T), axis=1).max()) <= limits.TURNS:
         return dataset
     text = "the orientation is the same in every row, though the robot turns: not measured; positions are used alone"
     warn_of(dataset.file, text)

@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.calibration.checks.commands import REACHED, CommandReading, CommandSearch, one_mistake, several_mistakes
+from gtpin.calibration.checks import limits
+from gtpin.calibration.checks.commands import CommandReading, CommandSearch, one_mistake, several_mistakes
 from gtpin.calibration.checks.readings import Reading, Rotations, misread, position_readings, rotation_readings
 from gtpin.calibration.free_target import without_target
 from gtpin.calibration.problem import Measured, rough_frame
@@ -19,30 +20,6 @@ from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log
 from gtpin.model.model import Frame, Model
 from gtpin.typing import Floats
-
-ROWS = 100
-"""Number of rows that are used: medians of more rows are not much more certain. Assumed."""
-FEWEST = 6
-"""Number of rows below which a free frame fits almost any data."""
-FITS = 0.1
-"""Share of the workspace's size up to which data fit without a correction. The mistakes below move poses by about the whole
-size. Machines within the tolerances of the shipped robots stay below 0.08, except those of stewart_jugglebot."""
-ALLOWED = 5e-3
-"""Error of a machine, m, that is always accepted, even in a small workspace. Assumed."""
-BETTER = 4.0
-"""Factor by which another reading must bring the data nearer to the nominal model. Assumed."""
-FAR_BETTER = 10.0
-"""Factor by which a reading with more mistakes must be nearer than one with fewer, and a reading be nearer after a fit has
-failed. Assumed: a wrong geometry, frame or target takes up some part of a mistake, and not nine tenths of it."""
-AS_GOOD, CLOSE = 1.5, 0.02
-"""A reading with fewer mistakes is preferred where its misfit is at most `AS_GOOD` times the smallest one plus `CLOSE` times
-the workspace's size. Assumed."""
-STRAYED = 3.0
-"""Misfit, in expected errors of the nominal model, above which frame, commands and target are doubted. Assumed."""
-LINE = 0.1
-"""Ratio of a workspace's width to its length below which positions do not determine a rotation about its length. Assumed."""
-MOST_NAMED = 3
-"""Largest number of readings that are named where several fit equally well."""
 
 _ELSEWHERE = ("the instrument looks to stand elsewhere than in the base frame", 'set frame = "free" under [instrument]')
 
@@ -79,27 +56,27 @@ def recognised(
     ``poses``: (N) poses of the nominal model at the measured commands, base frame; NaN where it can't reach. ``free``,
     ``free_target``: whether the instrument's pose, and the target's place on the platform, are declared unknown.
     """
-    some = np.linspace(0, len(poses) - 1, min(len(poses), ROWS)).astype(int)
+    some = np.linspace(0, len(poses) - 1, min(len(poses), limits.SEARCH_ROWS)).astype(int)
     search = Search(nominal, measured.take(some), poses[some], free, free_target, failed)
     if search.size == 0.0 or (search.misfit <= search.accepted and not failed):
         return None
-    enough = min(search.misfit / FAR_BETTER, search.accepted)
-    most = enough if failed else min(search.misfit / BETTER, search.accepted)
+    enough = min(search.misfit / limits.FAR_BETTER, search.accepted)
+    most = enough if failed else min(search.misfit / limits.BETTER, search.accepted)
     tried = [reading for reading in search.tried(min(enough, search.expected)) if reading.misfit <= most]
     if not tried:
         return None
     # A misfit like that of correct data is enough: readings with free numbers, of a frame or a rotation, always fit better.
     # But none of these leaves a tenth of it.
     least = min(reading.misfit for reading in tried)
-    alike = max(AS_GOOD * least + CLOSE * search.size, min(search.fits, FAR_BETTER * least))
+    alike = max(limits.AS_GOOD * least + limits.CLOSE * search.size, min(search.fits, limits.FAR_BETTER * least))
     good = [reading for reading in tried if reading.misfit <= alike]
     fewest = min(reading.mistakes for reading in good)
     chosen = [reading for reading in good if reading.mistakes == fewest]
     # Of readings that fit equally well none is preferred: all are named, the usual ones first.
     best = min(chosen, key=lambda reading: reading.misfit)
     # The workspace is that of the best reading: commands in another unit predict poses kilometres away.
-    accepted = FITS * _size(best.poses) + ALLOWED
-    close = max(AS_GOOD * best.misfit, min(search.fits, accepted, FAR_BETTER * best.misfit))
+    accepted = limits.ACCEPTED * _size(best.poses) + limits.ALLOWED
+    close = max(limits.AS_GOOD * best.misfit, min(search.fits, accepted, limits.FAR_BETTER * best.misfit))
     named = [reading for reading in chosen if reading.misfit <= close]
     looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in named), strict=True))
     return replace(named[0], looks=looks, hint=hints)
@@ -108,8 +85,8 @@ def recognised(
 def either(words: Iterable[str]) -> str:
     """A list of possibilities as text; it says so where only the first ones are named."""
     different = list(dict.fromkeys(words))
-    more = ["something alike"] * (len(different) > MOST_NAMED)
-    return "; or ".join(different[:MOST_NAMED] + more)
+    more = ["something alike"] * (len(different) > limits.MOST_NAMED)
+    return "; or ".join(different[: limits.MOST_NAMED] + more)
 
 
 def expected_errors(nominal: Model, q: Floats, poses: Poses) -> tuple[float, float]:
@@ -141,7 +118,7 @@ class Search:
     @cached_property
     def size(self) -> float:
         """Size of the workspace that was measured, m: the root mean square distance of poses from their middle."""
-        if len(self.all.T) < FEWEST:
+        if len(self.all.T) < limits.FEWEST_ROWS:
             return 0.0
         if self.lost:
             return float(np.median(np.linalg.norm(self.all.T - np.median(self.all.T, axis=0), axis=1)))
@@ -155,12 +132,12 @@ class Search:
     @property
     def lost(self) -> bool:
         """Whether the model reaches too few of the commands to compare anything with it."""
-        return self.reached <= 1.0 - REACHED or len(self.poses) < FEWEST
+        return self.reached <= 1.0 - limits.REACHED or len(self.poses) < limits.FEWEST_ROWS
 
     @property
     def fits(self) -> float:
         """Misfit, m, up to which data fit without a correction."""
-        return FITS * self.size + ALLOWED
+        return limits.ACCEPTED * self.size + limits.ALLOWED
 
     @cached_property
     def misfit(self) -> float:
@@ -171,13 +148,13 @@ class Search:
     def _line(self) -> bool:
         """Whether the poses are so nearly on a line that positions do not determine the rotation of a frame."""
         spread = np.linalg.svd(self.poses.T - self.poses.T.mean(axis=0), compute_uv=False)
-        return bool(spread[1] < LINE * spread[0])
+        return bool(spread[1] < limits.LINE * spread[0])
 
     @cached_property
     def expected(self) -> float:
         """Median error of the nominal model, m, that its tolerances let expect."""
         if self.lost:
-            return FITS * self.size
+            return limits.ACCEPTED * self.size
         T, R = expected_errors(self.nominal, self.measured.q, self.poses)
         return float(np.hypot(T, self.size * R if self.rotation is not None else 0.0))
 
@@ -192,7 +169,7 @@ class Search:
 
         Within the tolerances, a geometry looks much like another frame.
         """
-        return self.failed or self.misfit > self.fits + STRAYED * self.expected
+        return self.failed or self.misfit > self.fits + limits.BEYOND_EXPECTED * self.expected
 
     def tried(self, enough: float) -> Iterator[Interpretation]:
         """All readings that can be compared with the model.
@@ -249,7 +226,7 @@ class Search:
         q, poses, rotation = self.measured.q, self.poses, self.rotation
         if self.lost:
             return
-        near = min(self.misfit / BETTER, self.accepted)
+        near = min(self.misfit / limits.BETTER, self.accepted)
         for p in position_readings(turned=turned, alone=rotation is None):
             T = self.measured.T @ p.matrix.T
             seen = self._seen(poses, Measured(q, T, None), turned)
@@ -264,7 +241,7 @@ class Search:
                     continue
                 mount = nearest((np.swapaxes(seen.R, 1, 2) @ o.R).sum(axis=0)) if self.free_target else np.eye(3)
                 # Where positions determine the frame, orientations are compared in it.
-                if not self._line and self.size * _apart(o.R, seen.R @ mount) > near + CLOSE * self.size:
+                if not self._line and self.size * _apart(o.R, seen.R @ mount) > near + limits.CLOSE * self.size:
                     continue
                 looks, hint = (", and ".join(filter(None, pair)) for pair in ((p.looks, o.looks), (p.hint, o.hint)))
                 read = columns, looks, hint, p.mistakes + o.mistakes
