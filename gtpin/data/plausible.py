@@ -306,8 +306,9 @@ def _bounded(dataset: Dataset) -> Iterator[Bound]:
     for kind, value in dataset.tolerance.items():
         yield f"tolerance.{kind}", value, TOLERANCE, "1 sigma in m, rad or m/m"
     for i, table in enumerate(dataset.readings.tables):
-        for name in ("sigma", "position_sigma", "orientation_sigma"):
+        for name, unit in (("sigma", "m or rad"), ("position_sigma", "m"), ("orientation_sigma", "rad")):
             sigma = getattr(table, name, None)
             if sigma is not None:
                 looks = " (it looks like micrometres or microradians)" if sigma > SIGMA[1] else ""
-                yield f"instrument.{f'{i}.' * bool(table.name)}{name}", sigma, SIGMA, f"1 sigma in m or rad{looks}"
+                key = f"instrument.{f'{i}.' * bool(table.name)}{name}"
+                yield key, sigma, SIGMA, f"1 sigma per axis in {unit}{looks}"

@@ -157,35 +157,45 @@ def misread(rotation: Rotation) -> Iterator[Rotations]:
     for one, two in permutations(BY_ORDER, 2):
         if one.lower() != two.lower() or len(set(one)) < 3:  # else each number keeps its axis
             pairs.append((one, two, False))
-    given = {convention: numbers_of(rotation, convention) for convention in {*BY_AXIS, *BY_ORDER}}
+    given = {convention: Angles.of(rotation, convention) for convention in {*BY_AXIS, *BY_ORDER}}
     for meant, taken, by_axis in pairs:
         numbers, read = _described(meant, by_axis), _described(taken, by_axis)
         looks = f"the orientations look like {numbers} that were read as {read}"
-        R = as_matrices(given[taken], meant, taken, by_axis=by_axis)
+        R = given[taken].read(meant, by_axis=by_axis)
         yield Rotations(looks, f"compute qw qx qy qz again, from {numbers}", 1, R)
 
 
-def numbers_of(rotation: Rotation, convention: Convention) -> Floats:
-    """(N, 3) numbers, rad, that describe N rotations by a convention."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of gimbal lock: any of the answers will do
-        return np.asarray(rotation.as_rotvec() if convention == ROTATION_VECTOR else rotation.as_euler(convention))
+@dataclass(frozen=True)
+class Angles:
+    """Three numbers that describe each of N rotations.
 
-
-def as_matrices(numbers: Floats, meant: Convention, taken: Convention, *, by_axis: bool) -> Floats:
-    """(N, 3, 3) rotations by the convention ``meant`` of numbers (N, 3) that were converted by ``taken``.
-
-    ``by_axis``: True: each number was used as the angle about its own axis. False: the numbers were used in their order.
+    - ``numbers``: (N, 3), rad. ``convention``: the one by which they describe the rotations.
+    - ``about``: (3, 3, N, 3, 3) rotations about x, y and z by each of the numbers.
     """
-    if by_axis:
-        own, wanted = ("xyz" if c == ROTATION_VECTOR else c for c in (taken, meant))
-        numbers = numbers[:, [own.index(axis) for axis in wanted]]
-    if meant == ROTATION_VECTOR:
-        return exp(numbers)
-    one, two, three = (
-        exp(angle[:, None] * ONE["xyz".index(axis)]) for axis, angle in zip(meant.lower(), numbers.T, strict=True)
-    )
-    return np.asarray(three @ two @ one if meant.islower() else one @ two @ three)
+
+    numbers: Floats
+    convention: Convention
+    about: Floats
+
+    @staticmethod
+    def of(rotation: Rotation, convention: Convention) -> Angles:
+        """The numbers of N rotations by a convention."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of gimbal lock: any of the answers will do
+            numbers = rotation.as_rotvec() if convention == ROTATION_VECTOR else rotation.as_euler(convention)
+        return Angles(numbers, convention, exp(numbers.T[None, :, :, None] * ONE[:, None, None, :]))
+
+    def read(self, meant: Convention, *, by_axis: bool) -> Floats:
+        """(N, 3, 3) rotations that the numbers describe by another convention.
+
+        ``by_axis``: True: each number is the angle about its own axis. False: the numbers are used in their order.
+        """
+        own, wanted = ("xyz" if c == ROTATION_VECTOR else c for c in (self.convention, meant))
+        order = [own.index(axis) for axis in wanted] if by_axis else [0, 1, 2]
+        if meant == ROTATION_VECTOR:
+            return exp(self.numbers[:, order])
+        one, two, three = (self.about["xyz".index(axis), k] for axis, k in zip(meant.lower(), order, strict=True))
+        return np.asarray(three @ two @ one if meant.islower() else one @ two @ three)
 
 
 def _described(convention: Convention, by_axis: bool) -> str:
