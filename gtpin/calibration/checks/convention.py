@@ -14,7 +14,7 @@ from gtpin.calibration.problem import Point, Problem
 from gtpin.data import Dataset
 from gtpin.data.names import ORIENTATION
 from gtpin.errors import DatasetError
-from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import log
 from gtpin.typing import Floats
 
 
@@ -45,12 +45,11 @@ def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> Non
     rotation = Rotation.from_matrix(some.R)
     as_is, *other_axes = rotation_readings(rotation, turned=True)
     readings = [as_is, *misread(rotation), *other_axes]
-    count = len(readings)
-    read = Poses(np.tile(some.T, (count, 1)), np.concatenate([reading.R for reading in readings]))
-    difference = read.minus(Poses(np.tile(predicted.T, (count, 1)), np.tile(predicted.R, (count, 1, 1))))
-    r = np.einsum("nij,knj->kni", problem.whitening, difference.reshape(count, -1, 6)).reshape(count, -1) * weight
+    vectors = log(np.stack([reading.R for reading in readings]) @ np.swapaxes(predicted.R, 1, 2))
+    both = np.concatenate([np.broadcast_to(some.T - predicted.T, vectors.shape), vectors], axis=2)
+    r = np.einsum("nij,knj->kni", problem.whitening, both, optimize=True).reshape(len(readings), -1) * weight
     # (k, 2) sums of squares of the position and orientation residuals that each of k readings leaves after the fit.
-    sums = ((r - (r @ solve.T) @ A.T).reshape(count, -1, 2, 3) ** 2).sum(axis=(1, 3))
+    sums = ((r - (r @ solve.T) @ A.T).reshape(len(readings), -1, 2, 3) ** 2).sum(axis=(1, 3))
     now, *others = sums[:, 1]
     least = min(others)
     if not (least < limits.CONVENTION_LEFT * now and least < now - limits.CONVENTION_GAIN):
