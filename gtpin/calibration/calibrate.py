@@ -197,12 +197,12 @@ def _calibrated(
     geometry = with_free_target(replace(geometry, robot=measuring(geometry.robot, dataset)), dataset)
     nominal = Model(geometry)
     data = prepared(dataset, nominal)
-    lone = dataset.readings.tracked
-    whole, usable, kept, near = usable_rows(data, nominal, lone=lone)
-    problem = problem_of(kept, near, nominal, free=lone and data.instrument.frame == "free")
+    tracked = dataset.readings.tracked
+    whole, usable, kept, near = usable_rows(data, nominal, tracked=tracked)
+    problem = problem_of(kept, near, nominal, free=tracked and data.instrument.frame == "free")
     found = np.array([p.kind == "platform" for p in geometry.parameters]) if data.instrument.target == "free" else None
     fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, found)
-    settled = settled_fit(data, kept, fit, lone=lone, doubt=doubt)
+    settled = settled_fit(data, kept, fit, tracked=tracked, doubt=doubt)
     if settled.dof < FEWEST:
         numbers = len(kept) * problem.measured.components
         raise DatasetError(
@@ -211,7 +211,7 @@ def _calibrated(
             hint="measure more: a fit needs more numbers than it takes to fit them (of touches of one plane, about 25; a mesh "
             "of 7 x 7 is good)",
         )
-    return _result(settled, near, whole, usable, lone=lone)
+    return _result(settled, near, whole, usable, tracked=tracked)
 
 
 def without_sigmas(dataset: Dataset) -> Dataset:
@@ -220,11 +220,11 @@ def without_sigmas(dataset: Dataset) -> Dataset:
     return replace(dataset, instrument=undeclared)
 
 
-def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, lone: bool) -> Calibration:
+def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tracked: bool) -> Calibration:
     """Make the result from the converged iterations.
 
     ``near``: (M) poses of the nominal geometry, base frame, at the fitted rows, gross errors included. ``whole``,
-    ``usable``: N rows, and (N,) True for the M rows that were fitted. ``lone``: whether they are a lone tracker's.
+    ``usable``: N rows, and (N,) True for the M rows that were fitted. ``tracked``: whether they are a single tracker's.
     """
     final, noise = settled.final, settled.noise.take(settled.used)
     problem, point = final.problem, final.point
@@ -243,7 +243,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, lon
     unseen = seen.directions[:, seen.variance_reduction < UNSEEN]
     model = replace(point.model, covariance=covariance, unexplained=unexplained)
     instrument = whole.instrument
-    if lone:
+    if tracked:
         conditions = FitConditions.of(settled.noise, settled.chi2, settled.dof, whole.covariates, unexplained)
         model = replace(model, fit=conditions)
         used = measured.rows.tables[0].model_dump(include={"position_sigma", "orientation_sigma"})

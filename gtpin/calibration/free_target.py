@@ -72,11 +72,11 @@ def unseen_words(unseen: Floats) -> str:
     """
     fixed = "it is left where the TCP is, and the instrument's frame takes up the difference"
     if len(unseen) == 3:
-        return f"these poses do not tell where the target sits on the platform, for the robot does not turn it: {fixed}"
+        return f"these poses do not determine where the target sits on the platform, for the robot does not turn it: {fixed}"
     named = " and ".join(f"({', '.join(f'{v + 0.0:.3g}' for v in np.round(axis, 3))})" for axis in unseen)
     if not named:
         return ""
-    return f"these poses do not tell where the target sits along {named} of the TCP's frame: along this, {fixed}"
+    return f"these poses do not determine where the target sits along {named} of the TCP's frame: along this, {fixed}"
 
 
 def without_target(geometry: Geometry) -> Geometry:

@@ -190,7 +190,7 @@ class Problem:
 
     @property
     def poses(self) -> Measured:
-        """The measured poses of a lone tracker."""
+        """The measured poses of a single tracker."""
         T, R = self.measured.poses
         return Measured(self.measured.q, T, R)
 
@@ -227,7 +227,7 @@ def rough_frame(predicted: Poses, measured: Measured) -> Frame:
 def problem_of(dataset: Dataset, near: Poses, nominal: Model, *, free: bool) -> Problem:
     """The problem about the nominal machine, with the frame, and the instruments' unknowns, that fit it best.
 
-    ``near``: (N) poses of ``nominal`` at the dataset's rows, base frame. ``free``: whether a lone tracker stands elsewhere.
+    ``near``: (N) poses of ``nominal`` at the dataset's rows, base frame. ``free``: whether a single tracker stands elsewhere.
 
     Raises `DatasetError` if there are fewer measured numbers than unknowns without a prior.
     """

@@ -54,7 +54,7 @@ class InstrumentRows:
         instrument: InstrumentSection | None = None,
         file: Path | None = None,
     ) -> InstrumentRows:
-        """Poses that a lone tracker has read: T (N, 3), m, and quaternions (N, 4) or None; ``line``: (N,). It has no name."""
+        """Poses that a single tracker has read: T (N, 3), m, and quaternions (N, 4) or None; ``line``: (N,). It has no name."""
         columns = dict(zip(POSITION, T.T, strict=True))
         if quaternions is not None:
             columns |= dict(zip(ORIENTATION, quaternions.T, strict=True))
@@ -64,12 +64,12 @@ class InstrumentRows:
 
     @property
     def tracked(self) -> bool:
-        """Whether these are the poses of a lone tracker, which has no name: their frame is that of the model."""
+        """Whether these are the poses of a single tracker, which has no name: their frame is that of the model."""
         return not self.tables[0].name
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the instruments, in their order; none for a lone tracker."""
+        """Names of the instruments, in their order; none for a single tracker."""
         return tuple(table.name for table in self.tables if table.name)
 
     def __len__(self) -> int:
@@ -152,4 +152,4 @@ class InstrumentRows:
 
 
 POSES = InstrumentRows.of_poses(np.empty((0, 3)), None, np.empty(0, dtype=np.int64))
-"""Poses of a lone tracker, before a dataset gives them."""
+"""Poses of a single tracker, before a dataset gives them."""

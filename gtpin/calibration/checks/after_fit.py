@@ -26,7 +26,7 @@ from gtpin.calibration.checks.moved import (
     nominal_problem,
     stretch,
 )
-from gtpin.calibration.checks.prior_conflict import relieved, strain
+from gtpin.calibration.checks.prior_conflict import prior_conflict, with_wider_tolerances
 from gtpin.calibration.checks.suspected import far_from_declared, refuse
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.observability import UNSEEN
@@ -46,16 +46,16 @@ from gtpin.noise.reading_noise import SMALLEST
 from gtpin.typing import Mask
 
 
-def settled_fit(given: Dataset, kept: Dataset, fit: RobustFit, *, lone: bool, doubt: bool) -> FitState:
+def settled_fit(given: Dataset, kept: Dataset, fit: RobustFit, *, tracked: bool, doubt: bool) -> FitState:
     """Run the robust fit of the rows that are ``kept`` of a dataset, with its checks.
 
-    ``lone``: whether one tracker measured poses. ``doubt``: whether the declared noise, frame and tolerances are checked too;
-    those of readings always are.
+    ``tracked``: whether one tracker measured poses. ``doubt``: whether the declared noise, frame and tolerances are checked
+    too; those of readings always are.
 
     Raises `DatasetError` if the data can't be this robot's, or the fit does not describe them. `ConvergenceError` if it
     does not converge for another reason. Warns: names the poses that are rejected, and what was assumed wrongly.
     """
-    return _settled_poses(kept, fit, doubt=doubt) if lone else _settled_readings(given, kept, fit)
+    return _settled_poses(kept, fit, doubt=doubt) if tracked else _settled_readings(given, kept, fit)
 
 
 def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
@@ -84,7 +84,7 @@ def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
             several = len(set(kept.pose)) < len(kept)
             warn(f"set aside as gross errors: {counted if several else ''}{named_poses(kept, ~settled.used)}")
         coarse = _check_fit(kept, settled, seen)
-        found = _unstrained(*with_credible_noise(fit, settled)) if doubt else settled
+        found = _without_prior_conflict(*with_credible_noise(fit, settled)) if doubt else settled
         if doubt and coarse is None:
             check_moved(kept, found.fit.point.model.geometry, fit.whole.start.geometry, fit.near, fit.found)
     return found
@@ -135,12 +135,12 @@ def _check_set_aside(kept: Dataset, measured: Measured, settled: FitState) -> No
         warn(str(error))
 
 
-def _unstrained(fit: RobustFit, settled: FitState) -> FitState:
+def _without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
     """The result of the fit; if the priors contradict the data, repeated with a wider tolerance or a free frame."""
-    found = strain(settled)
-    strayed = np.abs(settled.deviation).max(initial=0.0) > limits.FAR_FROM_PRIOR
+    found = prior_conflict(settled)
+    far = np.abs(settled.deviation).max(initial=0.0) > limits.FAR_FROM_PRIOR
     # Where no parameter deviates so far, the priors may be contradicted by another cause, such as a ball out of round.
-    if settled.widened == 1.0 and (found is None or (found.what != "frame" and not strayed)):
+    if settled.widened == 1.0 and (found is None or (found.what != "frame" and not far)):
         return settled
     if settled.widened > 1.0 and (found is None or found.what == "tolerances"):
         warn(
@@ -164,7 +164,7 @@ def _unstrained(fit: RobustFit, settled: FitState) -> FitState:
     else:
         deviation = f"its parameters are off by {found.size:g} times their tolerances"
     warn(f"the nominal model is not this machine: {deviation}; tolerances are widened to admit it")
-    return fit.with_geometry(relieved(settled, found)).run()
+    return fit.with_geometry(with_wider_tolerances(settled, found)).run()
 
 
 def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
@@ -263,7 +263,7 @@ def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit) -> FitState
         scale = f"residuals are {settled.scale:.0f} times the noise"
         warn(f"{scale}: the geometry does not explain these data, or the declared sigma is too small")
     check_moved(given, settled.fit.point.model.geometry, fit.whole.start.geometry, near, fit.found)
-    _warn_of_strayed(settled, fitted)
+    _warn_of_deviations(settled, fitted)
     return settled
 
 
@@ -294,7 +294,7 @@ def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
         warn(f"set aside as gross errors: {named_poses(kept, ~used)}")
 
 
-def _warn_of_strayed(settled: FitState, readings: Readings) -> None:
+def _warn_of_deviations(settled: FitState, readings: Readings) -> None:
     """Warn of parameters and fitted unknowns that are farther from what is declared than their priors allow."""
     x, seen = settled.fit.point.x[: settled.fit.problem.n_geometry], settled.observability
     # Along a direction with the variance reduction l, the estimate has the variance l, in units of the squared tolerances.

@@ -30,14 +30,14 @@ from gtpin.robot.geometry import Geometry
 from gtpin.typing import Mask
 
 
-def usable_rows(given: Dataset, nominal: Model, *, lone: bool) -> tuple[Dataset, Mask, Dataset, Poses]:
+def usable_rows(given: Dataset, nominal: Model, *, tracked: bool) -> tuple[Dataset, Mask, Dataset, Poses]:
     """The dataset as it is fitted: with the noise that rounding adds, or with equally many numbers in each row; (N,) the rows
     that the robot can have reached; these rows, and their nominal poses, base frame.
 
-    ``nominal``: with the passive joints measured that encoders read. ``lone``: whether one tracker measured poses.
+    ``nominal``: with the passive joints measured that encoders read. ``tracked``: whether one tracker measured poses.
     """
     robot = nominal.robot
-    if lone:
+    if tracked:
         whole = with_rounding(given)
         usable = sane_rows(whole)
         poses = nominal.kinematics.forward(whole.q[usable])

@@ -59,12 +59,12 @@ Columns = dict[str, tuple[str, float]]
 class Misfit:
     """Errors of an instrument's readings relative to the nominal robot, with the unknowns' values that fit best.
 
-    ``off``: largest median error of its components, by unit: m and rad. ``strain``: largest deviation of an unknown with a
+    ``off``: largest median error of its components, by unit: m and rad. ``deviation``: largest deviation of an unknown with a
     prior, in prior sigmas.
     """
 
     off: dict[str, float]
-    strain: float
+    deviation: float
 
     @staticmethod
     def of(readings: Readings, poses: Poses, index: int) -> Misfit:
@@ -79,8 +79,8 @@ class Misfit:
             if len(own):
                 size = float(np.median(own))
                 off[component.unit] = max(off[component.unit], size if np.isfinite(size) else np.inf)
-        strain = [abs(u) / o.sigma for u, o in zip(readings.own(index), one.unknowns, strict=True)]
-        return Misfit(off, max(strain, default=0.0))
+        deviation = [abs(u) / o.sigma for u, o in zip(readings.own(index), one.unknowns, strict=True)]
+        return Misfit(off, max(deviation, default=0.0))
 
     def exceeds(self, reach: float, share: float = 1.0) -> bool:
         """Whether errors are larger than a share of those of robots within their tolerances, which move the TCP by ``reach``,
@@ -89,8 +89,8 @@ class Misfit:
 
     @property
     def size(self) -> float:
-        """The largest of the errors, in units of ``limits.USUAL_ERROR``, and of ``strain``."""
-        return max(*(off / limits.USUAL_ERROR for off in self.off.values()), self.strain)
+        """The largest of the errors, in units of ``limits.USUAL_ERROR``, and of ``deviation``."""
+        return max(*(off / limits.USUAL_ERROR for off in self.off.values()), self.deviation)
 
     def __str__(self) -> str:
         unit = max(self.off, key=lambda unit: self.off[unit])
@@ -191,7 +191,7 @@ def check_readable(
     """
     for i, one in enumerate(readings.instruments):
         now = Misfit.of(readings, poses, i)
-        if not now.exceeds(reach, limits.READ_SUSPECT) and now.strain <= limits.READ_FAR:
+        if not now.exceeds(reach, limits.READ_SUSPECT) and now.deviation <= limits.READ_FAR:
             continue
         file = readings.rows.files[i]
         tried = list(_read_otherwise(readings, poses, i))
@@ -200,7 +200,7 @@ def check_readable(
         found = next((way for way in tried if way[0].size <= limits.AS_GOOD * least), None)
         if found is not None and not found[0].exceeds(reach) and found[0].size < now.size / limits.READ_BETTER:
             best, read, other = found
-            by = f"{now} off, read so {best}" if now.size > now.strain else "possible only far from what is declared"
+            by = f"{now} off, read so {best}" if now.size > now.deviation else "possible only far from what is declared"
             error = _error(dataset, readings, i, other, f"as it stands, readings are {by}")
             suspect(error, dataset, _size(fitted(readings, i, True)), _size(fitted(read, i, True)))
         elif now.exceeds(reach):
@@ -266,7 +266,7 @@ def explained(readings: Readings, poses: Poses) -> Iterator[None]:
         worst = max(range(len(found)), key=lambda i: found[i].size)
         if found[worst].size < limits.READ_BETTER:
             raise
-        by = f"the nominal robot gives others, by {found[worst]} and {found[worst].strain:.2g} prior sigmas of its unknowns"
+        by = f"the nominal robot gives others, by {found[worst]} and {found[worst].deviation:.2g} prior sigmas of its unknowns"
         raise ConvergenceError(
             f"readings of {readings.instruments[worst].name} can't be fitted ({error.what}); {by}",
             file=readings.rows.files[worst],
@@ -290,7 +290,7 @@ def check_fitted(dataset: Dataset, readings: Readings, poses: Poses, reach: floa
 
 def _size(misfit: Misfit | None) -> Size:
     """Residuals after a fit; `NO_FIT` where it failed, or needs unknowns that can't be."""
-    if misfit is None or misfit.strain > limits.READ_FARTHEST:
+    if misfit is None or misfit.deviation > limits.READ_FARTHEST:
         return NO_FIT
     return misfit.off.get("m", 0.0), misfit.off.get("rad", 0.0)
 

@@ -44,13 +44,13 @@ class PriorConflict:
     turn: float = 0.0
 
 
-def strain(settled: FitState) -> PriorConflict | None:
+def prior_conflict(settled: FitState) -> PriorConflict | None:
     """The assumption that a fitted geometry contradicts; None where the geometry agrees with its tolerances."""
     found = max(_Linear.of(settled).suspects(), key=lambda s: s.gain)
     return found if found.gain > limits.CONFLICT else None
 
 
-def relieved(settled: FitState, found: PriorConflict) -> Geometry:
+def with_wider_tolerances(settled: FitState, found: PriorConflict) -> Geometry:
     """The nominal geometry with tolerances that are wide enough for the deviations of the fitted geometry."""
     x = np.abs(settled.deviation)
     whole = found.size if found.what == "tolerances" else 1.0

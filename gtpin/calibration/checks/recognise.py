@@ -164,7 +164,7 @@ class Search:
         return self.fits + min(self.expected, 0.5 * self.size)
 
     @property
-    def strayed(self) -> bool:
+    def far(self) -> bool:
         """Whether a fit has failed, or the misfit is larger than the tolerances explain.
 
         Within the tolerances, a geometry looks much like another frame.
@@ -181,9 +181,9 @@ class Search:
         # Another frame is tried after those: geometry within its tolerances moves poses in a similar way. A target at another
         # place is tried last: where the platform rotates little, it moves poses as another frame does.
         others: list[Interpretation] = []
-        if self.strayed and not self.free and all(r.misfit > self.fits or r.mistakes > 1 for r in found):
+        if self.far and not self.free and all(r.misfit > self.fits or r.mistakes > 1 for r in found):
             others += [*self._in_frame(True), *self._targets(True)]
-        if self.strayed:
+        if self.far:
             others += self._targets(self.free)
         yield from others
         if self.nominal.kinematics.loops.count:  # whose zeros have no grid, and whose poses take a hundred times longer
@@ -254,7 +254,7 @@ class Search:
     def _commands(self, readings: Iterable[CommandReading], turned: bool) -> Iterator[Interpretation]:
         """Readings of the commands, with zeros of drives that are fitted to what was measured."""
         # For poses that are close together, other commands look like a geometry within its tolerances.
-        if not self.strayed:
+        if not self.far:
             return
         kinematics = self.nominal.kinematics
         search = CommandSearch(kinematics, self.all, self.size, turned, self.free_target)
