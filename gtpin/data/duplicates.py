@@ -8,7 +8,7 @@ from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betainc, ndtr
+from scipy.special import betainc
 
 from gtpin.data.dataset import Dataset
 from gtpin.data.files import warn_of
@@ -98,10 +98,6 @@ CHANCE = 1e-5
 LEAST_SCATTER = 1e-6
 """Scatter of a reading between visits, m or rad, where no visits differ that could show it. Assumed: few machines repeat to
 less."""
-SCATTERS = np.geomspace(0.02, 1e9, 120)
-"""Scatters that are tried, in units of the step to which readings are rounded."""
-NEAR = 2.0
-"""Loss in log likelihood, nats, up to which a smaller scatter is not excluded. Derived: two standard deviations."""
 STEPS = tuple(m * 10.0**-k for k in range(2, 10) for m in (1.0, 0.5))
 """Steps that readings are rounded to, m or rad, the coarsest first."""
 FINEST = 1e-12
@@ -203,10 +199,11 @@ def _chance(place: Codes, row: Codes, read: list[Floats]) -> float:
     for column in read:
         moved = np.abs(column[order][visits + 1] - column[order][visits])
         moved = moved[moved > 0.0]
+        step = _step(column, moved)
         if len(moved):
-            chances.append(_equal(moved, _step(column, moved)))
+            chances.append(_equal(moved / step))
         elif not len(visits) and (column != column[0]).any():
-            chances.append(float(_rounded(LEAST_SCATTER / _step(column, moved), 0.0)))
+            chances.append(min(1.0, step / LEAST_SCATTER))
     return min(chances)
 
 
@@ -220,31 +217,12 @@ def _step(column: Floats, moved: Floats) -> float:
     return coarsest_step(column[:, None], STEPS) or FINEST
 
 
-def _equal(moved: Floats, step: float) -> float:
-    """Largest probability that two visits are equal in a column, given the differences of those that are not.
+def _equal(steps: Floats) -> float:
+    """Upper bound of the probability that two visits are equal in a column, from k differences of those that are not, in steps.
 
-    The scatter is the smallest that these differences, each a number of steps, do not exclude.
+    Readings of scatter s, rounded to steps that are smaller, are equal with probability 1 / (2 sqrt(pi) s), and their
+    differences have the median 0.95 s. A median of k has a relative standard error of about 1 / sqrt(k). Of a scatter up to
+    two steps nothing is known.
     """
-    none = _rounded(SCATTERS, 0.0)
-    steps, times = np.unique(np.minimum(np.round(moved / step), SCATTERS[-1]), return_counts=True)
-    likely = np.log(np.maximum(_rounded(SCATTERS[:, None], steps), 1e-300)) @ times
-    likely -= len(moved) * np.log1p(-none)
-    return float(none[np.argmax(likely >= likely.max() - NEAR)])
-
-
-def _rounded(scatter: Floats | float, steps: Floats | float) -> Floats:
-    """Probability that the rounded readings of two visits differ by a number of steps, of each sign.
-
-    ``scatter``: standard deviation of a reading, in steps. The difference before rounding is normal, and the place of the
-    readings between two steps is uniform.
-    """
-    width = np.sqrt(2.0) * np.asarray(scatter)
-    k = np.asarray(steps)
-
-    def twice(x: Floats) -> Floats:
-        """The second antiderivative of the density of the difference."""
-        return np.asarray(x * ndtr(x / width) + width * np.exp(-0.5 * (x / width) ** 2) / np.sqrt(2.0 * np.pi))
-
-    exact = twice(k + 1.0) - 2.0 * twice(k) + twice(k - 1.0)
-    density = np.exp(-0.5 * (k / width) ** 2) / (width * np.sqrt(2.0 * np.pi))
-    return np.where(width > 30.0, density, np.maximum(exact, 0.0))  # a wide density hardly changes within a step
+    middle = float(np.median(steps))
+    return 1.0 if middle < 2.5 else min(1.0, (0.27 + 1.0 / np.sqrt(len(steps))) / middle)

@@ -23,7 +23,7 @@ from gtpin.calibration.checks.moved import (
     check_instrument_steps,
     check_sessions_linear,
     check_stretch,
-    nominal_problem,
+    initial_noise,
     stretch,
 )
 from gtpin.calibration.checks.prior_conflict import prior_conflict, with_wider_tolerances
@@ -68,8 +68,8 @@ def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
             settled = settled_or_explained(fit) if doubt else fit.run()
         except ConvergenceError:
             if doubt:
-                problem, noise = nominal_problem(fit.whole)
-                check_instrument_steps(kept, problem, problem.point(problem.first, fit.near), noise)
+                point = fit.whole.point(fit.whole.first, fit.near)
+                check_instrument_steps(kept, fit.whole, point, initial_noise(fit.whole.measured))
             raise
         check_convention(kept, settled.fit, settled.noise.sigma)
         if doubt:

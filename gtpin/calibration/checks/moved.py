@@ -1,8 +1,7 @@
 """Rows with the commands of others, or measured after the instrument had moved: in a sequence of rows, or between sessions.
 
 A large motion shows against the nominal machine. A smaller one is searched for after the fit as steps of the frame along the
-rows, in the order of the file and of time, or between sessions, by the computation of
-:mod:`gtpin.calibration.checks.prior_conflict`.
+rows, in the order of the file and of time, or between sessions.
 """
 
 from __future__ import annotations
@@ -16,13 +15,14 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from gtpin.calibration.checks import limits
-from gtpin.calibration.checks.prior_conflict import motions
 from gtpin.calibration.checks.recognise import expected_errors
-from gtpin.calibration.checks.suspected import Size, refuse, suspect
-from gtpin.calibration.problem import Measured, Point, Problem, measured_poses, problem_of, rough_frame
+from gtpin.calibration.checks.suspected import refuse, suspect
+from gtpin.calibration.problem import FRAME_UNIT, Measured, Point, Problem, measured_poses, problem_of, rough_frame
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
+from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import frame_motions
 from gtpin.model.model import Model
 from gtpin.noise.estimate import ENOUGH
 from gtpin.noise.reading_noise import ReadingNoise
@@ -113,7 +113,7 @@ class FrameScan:
     - ``J``, ``F``: whitened derivatives by the problem's p unknowns (N, c, p), and by the frame's motion (N, c, 6), mm and
       mrad.
     - ``y``: (N, c) whitened residuals of the nominal geometry.
-    - ``prior``: (p,) 1 for unknowns with a prior, 0 for others.
+    - ``scale``: (p,) prior standard deviation of each unknown.
     - ``lengths``: (N, 3, 6) displacement of the measured positions, m, by the frame's motion, mm and mrad.
     """
 
@@ -121,26 +121,23 @@ class FrameScan:
     J: Floats
     F: Floats
     y: Floats
-    prior: Floats
+    scale: Floats
     lengths: Floats
 
     @staticmethod
     def of(problem: Problem, point: Point, noise: ReadingNoise) -> FrameScan:
-        """Linearise a problem about a point, for all rows."""
-        parts = problem.chunks()
-        J = np.concatenate([problem.jacobian(point, part) for part in parts])
-        F = np.concatenate([motions(problem, point, part)[:, :, :6] for part in parts])
-        y = problem.residual(point) + J @ point.x
-        colour = np.linalg.inv(problem.whitening)
-        plain = replace(noise, repeatability=0.0)
-        again = plain.whitening(np.zeros((len(y), 6, 1)), problem.measured.components) @ colour
-        lengths = colour[:, :3, :] @ F
-        rows = np.arange(len(y))
-        return FrameScan(rows, again @ J, again @ F, np.einsum("nij,nj->ni", again, y), problem.prior, lengths)
+        """Linearise a problem about a point, for all rows; ``noise``: theirs, of which repeatability is not used."""
+        count, c = len(point.poses), problem.measured.components
+        whitening = replace(noise, repeatability=0.0).whitening(np.zeros((count, c, 1)), c)
+        problem = replace(problem, whitening=whitening)
+        J = np.concatenate([problem.jacobian(point, part) for part in problem.chunks()])
+        motion = FRAME_UNIT * frame_motions(point.model.in_instrument_frame(point.poses).T - problem.pivot)
+        y, scale = problem.residual(point) + J @ point.x, np.where(problem.prior > 0.0, 1.0, limits.STEP_SIZE)
+        return FrameScan(np.arange(count), J, whitening @ motion[:, :c], y, scale, motion[:, :3])
 
     def ordered(self, rows: Indices) -> FrameScan:
         """The same for the rows with these indices, in this order."""
-        return FrameScan(rows, self.J[rows], self.F[rows], self.y[rows], self.prior, self.lengths[rows])
+        return FrameScan(rows, self.J[rows], self.F[rows], self.y[rows], self.scale, self.lengths[rows])
 
     def best(self, steps: Sequence[int]) -> int:
         """The next step: together with ``steps`` it leaves the smallest residuals."""
@@ -167,19 +164,15 @@ class FrameScan:
         a unit of each column at the median pose, in units of the noise and in m."""
         F = (self.F[:, :, None, :] * columns[:, None, :, None]).reshape(*self.F.shape[:2], -1)
         J = np.concatenate([self.J, F], axis=2).reshape(-1, self.J.shape[2] + F.shape[2])
-        s = np.concatenate([self._scale, np.full(F.shape[2], limits.STEP_SIZE)])
+        s = np.concatenate([self.scale, np.full(F.shape[2], limits.STEP_SIZE)])
         b = s * (J.T @ self.y.ravel())
         x = np.linalg.solve(np.eye(len(s)) + s[:, None] * (J.T @ J) * s, b)
-        delta = (s * x)[len(self.prior) :].reshape(-1, 6)
+        delta = (s * x)[len(self.scale) :].reshape(-1, 6)
         noises, metres = (
             np.median(np.linalg.norm(np.einsum("nij,kj->kni", by, delta), axis=2), axis=1)
             for by in (self.F, self.lengths)
         )
         return 0.5 * (float((self.y**2).sum()) - float(b @ x)), noises, metres
-
-    @property
-    def _scale(self) -> Floats:
-        return np.where(self.prior > 0.0, 1.0, limits.STEP_SIZE)
 
     @cached_property
     def _sums(self) -> tuple[Floats, Floats, Floats]:
@@ -195,7 +188,7 @@ class FrameScan:
     def _absorbed(self) -> tuple[Floats, Floats]:
         """(N + 1, p, 6) and (p,) what the geometry absorbs of a step before each row, and of the residuals."""
         # L^-1 S J' F and L^-1 S J' y with L L' = I + S J' J S, S the scales: their sums of squares are the power absorbed.
-        s, flat = self._scale, self.J.reshape(-1, self.J.shape[2])
+        s, flat = self.scale, self.J.reshape(-1, self.J.shape[2])
         factor = np.linalg.cholesky(np.eye(len(s)) + s[:, None] * (flat.T @ flat) * s)
         by_step = np.concatenate([*self._sums[0], (self.y.ravel() @ flat)[None]]) * s
         absorbed = solve_triangular(factor, by_step.T, lower=True)
@@ -219,13 +212,10 @@ class FrameScan:
         return np.asarray(0.5 * (power - (b * np.linalg.solve(inner, b[..., None])[..., 0]).sum(axis=1)))
 
 
-def nominal_problem(problem: Problem) -> tuple[Problem, ReadingNoise]:
-    """A problem with the declared noise, or the instruments' usual one where none is declared; and this noise."""
-    measured, c = problem.measured, problem.measured.components
-    noise = ReadingNoise(
-        measured.initial_sigma, measured.group, measured.row_sigma, np.zeros(len(measured.initial_sigma), dtype=bool)
-    )
-    return replace(problem, whitening=noise.whitening(np.zeros((len(measured.q), c, 1)), c)), noise
+def initial_noise(measured: Readings) -> ReadingNoise:
+    """The declared noise, or the instruments' usual one where none is declared."""
+    known = np.zeros(len(measured.initial_sigma), dtype=bool)
+    return ReadingNoise(measured.initial_sigma, measured.group, measured.row_sigma, known)
 
 
 def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noise: ReadingNoise) -> None:
@@ -238,7 +228,7 @@ def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noi
     if len(dataset) > ENOUGH:  # of very many rows, evenly spaced ones are enough
         rows = np.arange(0, len(dataset), 1 + len(dataset) // ENOUGH)
         dataset, noise = dataset.take(rows), noise.take(rows)
-        problem = replace(problem, measured=problem.measured.take(rows), whitening=problem.whitening[rows])
+        problem = problem.take(rows, problem.whitening[rows])
         point = replace(point, poses=point.poses[rows])
     orders = {"": np.arange(len(dataset))}
     if "time" in dataset.covariates:
@@ -265,14 +255,11 @@ def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noi
             row=int(lines[0]),
             hint="give these rows a session of their own in the column session, or leave them out",
         )
-        before, after = (_size(scan, noise, steps) for steps in ([], steps))
-        return suspect(error, dataset, before, after)
-
-
-def _size(scan: FrameScan, noise: ReadingNoise, steps: list[int]) -> Size:
-    """Standard deviations of the residuals with some steps, m and rad."""
-    times = float(np.sqrt(2.0 * scan.left(steps) / scan.y.size))
-    return times * float(noise.sigma[0]), times * float(noise.sigma[1]) if scan.y.shape[1] == 6 else 0.0
+        sigmas = float(noise.sigma[0]), float(noise.sigma[1]) if scan.y.shape[1] == 6 else 0.0
+        before, after = (
+            [size * np.sqrt(2.0 * power / scan.y.size) for size in sigmas] for power in (scan.left([]), left)
+        )
+        return suspect(error, dataset, (before[0], before[1]), (after[0], after[1]))
 
 
 def _alternatives(dataset: Dataset, rows: Indices) -> Floats:
@@ -320,8 +307,8 @@ def _moved_linear(dataset: Dataset, problem: Problem, near: Poses) -> dict[str, 
     if len(names) < 2:
         return {}
     rows = np.arange(0, len(dataset), 1 + len(dataset) // ENOUGH)
-    thin, noise = nominal_problem(problem.take(rows, problem.whitening[rows]))
-    scan = FrameScan.of(thin, thin.point(np.zeros(thin.size), near[rows]), noise)
+    thin = problem.take(rows, problem.whitening[rows])
+    scan = FrameScan.of(thin, thin.point(np.zeros(thin.size), near[rows]), initial_noise(thin.measured))
     columns = (sessions[rows, None] == np.array(names[1:])).astype(float)
     left, _, moved = scan.moved_with(columns)
     return {} if scan.left(()) < limits.SESSION_RATIO * left else dict(zip(names, [0.0, *moved.tolist()], strict=True))

@@ -75,7 +75,7 @@ class _Linear:
         for rows in problem.chunks():
             weight = np.sqrt(fit.weight[rows])
             own = problem.jacobian(fit.point, rows)[:, :, :p] / wider
-            J = np.concatenate([own, motions(problem, fit.point, rows)], axis=2)
+            J = np.concatenate([own, _motions(problem, fit.point, rows)], axis=2)
             flat = (J * weight[:, None, None]).reshape(-1, J.shape[2])
             y = (fit.residual[rows] * weight[:, None]).ravel() + flat[:, :p] @ settled.deviation
             whole += flat.T @ flat
@@ -146,7 +146,7 @@ class _Linear:
         return np.asarray(root), 2.0 * float(np.log(np.diag(lower)).sum())
 
 
-def motions(problem: Problem, point: Point, rows: slice) -> Floats:
+def _motions(problem: Problem, point: Point, rows: slice) -> Floats:
     """(M, c, 6 + n) whitened motions, per mm and mrad: of the frame about the middle of the poses, and of actuators' zeros."""
     model, poses = point.model, point.poses[rows]
     T = model.in_instrument_frame(poses).T
