@@ -309,6 +309,7 @@ def _bounded(dataset: Dataset) -> Iterator[Bound]:
         for name, unit in (("sigma", "m or rad"), ("position_sigma", "m"), ("orientation_sigma", "rad")):
             sigma = getattr(table, name, None)
             if sigma is not None:
-                looks = " (it looks like micrometres or microradians)" if sigma > SIGMA[1] else ""
+                like = {"m": "micrometres", "rad": "microradians"}.get(unit, "micrometres or microradians")
+                looks = f" (it looks like {like})" if sigma > SIGMA[1] else ""
                 key = f"instrument.{f'{i}.' * bool(table.name)}{name}"
                 yield key, sigma, SIGMA, f"1 sigma per axis in {unit}{looks}"
