@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,8 @@ from scipy.special import betainc
 
 from gtpin.data.dataset import Dataset
 from gtpin.data.files import warn_of
-from gtpin.typing import Floats, Mask
+from gtpin.data.ids import joint_codes
+from gtpin.typing import Floats, Indices, Mask
 
 POSITION_STEPS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5, 1e-5)
 """Steps that positions are rounded to, m, the coarsest first."""
@@ -91,8 +91,6 @@ def command_steps(q: Floats, revolute: Mask) -> CommandSteps | None:
     return None
 
 
-Codes = NDArray[np.intp]
-
 CHANCE = 1e-5
 """Probability of as many equal rows below which they are copies. Assumed."""
 LEAST_SCATTER = 1e-6
@@ -157,8 +155,8 @@ def _copies(same: list[NDArray[np.generic]], read: list[Floats]) -> NDArray[np.b
     copied = np.zeros(count, dtype=bool)
     if any(len(np.unique(column)) == count for column in (*read, *same)):
         return copied  # the usual case
-    place = _codes(same)
-    row = _codes([place, *read])
+    place = joint_codes(same)
+    row = joint_codes([place, *read])
     order = np.argsort(row, kind="stable")
     begins = np.flatnonzero(np.diff(row[order], prepend=-1))
     times = np.diff(begins, append=count)
@@ -181,13 +179,7 @@ def _copies(same: list[NDArray[np.generic]], read: list[Floats]) -> NDArray[np.b
     return copied
 
 
-def _codes(columns: list[NDArray[np.generic]]) -> Codes:
-    """(N,) numbers that are equal for rows which are equal in all columns (N,)."""
-    codes = (np.unique(column, return_inverse=True)[1].ravel() for column in columns)
-    return reduce(lambda a, b: np.unique(a * (b.max(initial=0) + 1) + b, return_inverse=True)[1].ravel(), codes)
-
-
-def _chance(place: Codes, row: Codes, read: list[Floats]) -> float:
+def _chance(place: Indices, row: Indices, read: list[Floats]) -> float:
     """Upper bound of the probability that two visits to one place are equal in all columns: that of the most unlikely column.
 
     Columns are not multiplied, because the errors of a drive move several of them together.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtpin.data.description import InstrumentSection
+from gtpin.data.ids import joint_codes
 from gtpin.data.instrument_tables import LARGEST, InstrumentTable, SocketTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.table import Column
@@ -112,9 +113,7 @@ class InstrumentRows:
         ids = [c.astype(str) for c in self.columns.values() if c.dtype == object]
         if not ids and len(self.tables) == 1 and (self.component < 0).all():
             return np.zeros(len(self), dtype=np.intp)
-        keys = [np.unique(values, return_inverse=True)[1] for values in ids]
-        found = np.unique(np.column_stack([self.of, self.component, *keys]), axis=0, return_inverse=True)[1]
-        return np.asarray(found).ravel()
+        return joint_codes([self.of, self.component, *ids])
 
     def what(self, row: int) -> str:
         """What a row reads, as words: its instrument, and its station, plane, socket and target."""
@@ -124,7 +123,7 @@ class InstrumentRows:
     @property
     def row(self) -> NDArray[np.intp]:
         """(N,) number of the table's row that each row is of, from 0: the components of one reading share it."""
-        return np.unique(np.column_stack([self.of, self.line]), axis=0, return_inverse=True)[1].ravel()
+        return joint_codes([self.of, self.line])
 
     @property
     def countable(self) -> NDArray[np.bool_]:
