@@ -10,7 +10,7 @@ import numpy as np
 
 from gtpin.calibration.checks.after_fit import settled_fit
 from gtpin.calibration.checks.before_fit import usable_rows
-from gtpin.calibration.checks.prepared import check_actuators, prepared
+from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.suspected import recalled
 from gtpin.calibration.fit_state import FitState, unexplained_by
 from gtpin.calibration.free_target import with_free_target
@@ -23,6 +23,7 @@ from gtpin.calibration.result import Calibration, InstrumentFit
 from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
+from gtpin.data.plausible import check_actuators
 from gtpin.distributions import chi2
 from gtpin.effects.active import ActiveEffect
 from gtpin.errors import DatasetError, ModelError, check_kind, noted, warn

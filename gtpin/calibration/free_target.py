@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from gtpin.calibration.checks.prepared import check_actuators
 from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
-from gtpin.data.plausible import sane_rows
+from gtpin.data.plausible import check_actuators, sane_rows
 from gtpin.errors import DatasetError
 from gtpin.instruments.frame_and_target import Placement, frame_and_target
 from gtpin.kinematics.kinematics import Kinematics

@@ -57,11 +57,15 @@ Bound = tuple[str, float, tuple[float, float], str]
 
 
 class Drives(Protocol):
-    """The n actuators of a robot."""
+    """A robot with n actuators."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
 
     @property
     def sites(self) -> tuple[str, ...]:
-        """Their names, in the order of q."""
+        """Names of its actuators, in the order of q."""
 
     @property
     def lower(self) -> Floats:
@@ -110,6 +114,16 @@ def without_whole_turns(rows: Rows, drives: Drives) -> Rows:
     return replace(rows, q=q)
 
 
+def check_actuators(drives: Drives, rows: Dataset | Commands) -> None:
+    """Raise `DatasetError` where rows do not have one command for each of a robot's actuators."""
+    given, needed = rows.n_actuators, len(drives.sites)
+    if given != needed:
+        what = f"{given} command{'s'[: given != 1]} a pose, but {drives.name} has {needed} actuator{'s'[: needed != 1]}"
+        hint = f"give {'q1' if needed == 1 else f'q1 .. q{needed}'} ({', '.join(drives.sites)})"
+        hint += ", or name those that were commanded: actuators = [...] in dataset.toml" if given < needed else ""
+        raise DatasetError(what, file=rows.file, column=f"q{given}", hint=hint)
+
+
 def check_commands(rows: Dataset | Commands, drives: Drives, suspect: Doubt | None = None) -> None:
     """Check commands against the ranges of a robot's n actuators.
 
@@ -120,12 +134,7 @@ def check_commands(rows: Dataset | Commands, drives: Drives, suspect: Doubt | No
     width, with the unit that it looks like; of a trusted dataset it only warns. Warns of poses that are outside by less.
     """
     names, low, high, q = drives.sites, drives.lower, drives.upper, rows.q
-    if rows.n_actuators != len(names):
-        what = f"{rows.n_actuators} columns of commands, but the robot has {len(names)} actuators ({', '.join(names)})"
-        hint = "name the robot that was measured, or give one column for each actuator"
-        if rows.n_actuators < len(names):
-            hint += ", or name those that were commanded: actuators = [...] in dataset.toml"
-        raise DatasetError(what, file=rows.file, column=f"q{rows.n_actuators}", hint=hint)
+    check_actuators(drives, rows)
     beyond = np.maximum(low - q, q - high)
     far = beyond > high - low
     if far.any():

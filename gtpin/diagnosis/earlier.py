@@ -12,11 +12,11 @@ import numpy.typing as npt
 
 from gtpin.calibration.checks.before_fit import plausible_rows
 from gtpin.calibration.checks.instruments import check_sockets
-from gtpin.calibration.checks.prepared import check_actuators, known_noise, prepared, with_positions
+from gtpin.calibration.checks.prepared import known_noise, prepared, with_positions
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data import Dataset, check_commands, without_whole_turns
 from gtpin.data.duplicates import counted_once
-from gtpin.data.plausible import check_extremes, sane_rows
+from gtpin.data.plausible import check_actuators, check_extremes, sane_rows
 from gtpin.diagnosis.design import Design, Observed
 from gtpin.diagnosis.hypothesis import Hypothesis
 from gtpin.diagnosis.priors import PRIORS

@@ -22,6 +22,7 @@ LOWER, UPPER, REVOLUTE = np.array([-0.6, -0.6, -0.8]), np.array([0.6, 0.6, 0.8])
 
 @dataclass(frozen=True)
 class Drives:
+    name: str = "the robot"
     sites: tuple[str, ...] = NAMES
     lower: np.ndarray = field(default_factory=LOWER.copy)
     upper: np.ndarray = field(default_factory=UPPER.copy)
@@ -114,16 +115,14 @@ def test_a_joint_without_limits_may_turn_several_times_and_often() -> None:
 
 
 def test_commands_for_fewer_joints_say_how_to_name_those_that_were_commanded() -> None:
-    with pytest.raises(
-        DatasetError, match=r"7 columns of commands, but the robot has 8 actuators.*actuators = \[...\]"
-    ):
+    with pytest.raises(DatasetError, match=r"7 commands a pose, but panda has 8 actuators.*actuators = \[...\]"):
         check_robot(load_robot("panda"), np.zeros((5, 7)))
 
 
 def turned(q: np.ndarray, **limits: float) -> np.ndarray:
     low, high = limits.get("low", -1.9), limits.get("high", 1.9)
     rows = Commands([str(i) for i in range(len(q))], q[:, None])
-    return without_whole_turns(rows, Drives(("j",), np.array([low]), np.array([high]), np.array([True]))).q[:, 0]
+    return without_whole_turns(rows, Drives("arm", ("j",), np.array([low]), np.array([high]), np.array([True]))).q[:, 0]
 
 
 @pytest.mark.parametrize(("low", "high"), [(-1.9, 1.9), (-2.24, 2.24), (-3.1, 3.1), (-1.0, 3.0), (-4.0, 1.0)])

@@ -20,19 +20,6 @@ from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
 
 
-def check_actuators(robot: Chain, dataset: Dataset) -> None:
-    """Check that a dataset has a command for each actuator of its robot.
-
-    Raises `DatasetError` if the number of its commands is not the number of actuators.
-    """
-    given, needed = dataset.n_actuators, robot.n_actuators
-    if given != needed:
-        what = f"{given} command{'s'[: given != 1]} a pose, but {robot.name} has {needed} actuator{'s'[: needed != 1]}"
-        hint = f"give {'q1' if needed == 1 else f'q1 .. q{needed}'} ({', '.join(robot.sites)})"
-        hint += ", or name those that were commanded: actuators = [...]" if given < needed else ""
-        raise DatasetError(what, file=dataset.file, hint=hint)
-
-
 def prepared(dataset: Dataset, nominal: Model) -> Dataset:
     """The dataset with positions; without whole turns, copies of rows, and a constant orientation where the robot must turn.
 
@@ -44,8 +31,6 @@ def prepared(dataset: Dataset, nominal: Model) -> Dataset:
     dataset = counted_once(with_positions(dataset, robot))
     wxyz = dataset.orientation
     if wxyz is None or len(wxyz) < 2 or (1.0 - np.abs(wxyz @ wxyz[0]) >= limits.SAME_TURN).any():
-        return dataset
-    if dataset.n_actuators != robot.n_actuators:
         return dataset
     poses = nominal.kinematics.forward(dataset.q)
     R = poses.R[poses.reached]
