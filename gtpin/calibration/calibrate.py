@@ -8,22 +8,22 @@ from functools import partial
 
 import numpy as np
 
-from gtpin.calibration.checks.of_poses import settled_poses, usable_poses
-from gtpin.calibration.checks.of_readings import settled_readings, usable_readings
-from gtpin.calibration.checks.prepared import check_actuators, prepared
+from gtpin.calibration.checks.after_fit import settled_fit
+from gtpin.calibration.checks.before_fit import usable_rows
+from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.suspected import recalled
-from gtpin.calibration.checks.usable_rows import problem_of
 from gtpin.calibration.fit_state import FitState, unexplained_by
 from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.kept_effects import with_kept_effects
 from gtpin.calibration.left_out import left_out
 from gtpin.calibration.observability import UNSEEN, remedies
-from gtpin.calibration.problem import Problem
+from gtpin.calibration.problem import Problem, problem_of
 from gtpin.calibration.result import Calibration, InstrumentFit
 from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
+from gtpin.data.plausible import check_actuators
 from gtpin.distributions import chi2
 from gtpin.effects.active import ActiveEffect
 from gtpin.errors import DatasetError, ModelError, check_kind, noted, warn
@@ -198,12 +198,12 @@ def _calibrated(
     geometry = with_free_target(replace(geometry, robot=measuring(geometry.robot, dataset)), dataset)
     nominal = Model(geometry)
     data = prepared(dataset, nominal)
-    lone = dataset.readings.tracked
-    whole, usable, kept, near = (usable_poses if lone else usable_readings)(data, nominal)
-    problem = problem_of(kept, near, nominal, free=lone and data.instrument.frame == "free")
+    tracked = dataset.readings.tracked
+    whole, usable, kept, near = usable_rows(data, nominal, tracked=tracked)
+    problem = problem_of(kept, near, nominal, free=tracked and data.instrument.frame == "free")
     found = np.array([p.kind == "platform" for p in geometry.parameters]) if data.instrument.target == "free" else None
     fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, found)
-    settled = settled_poses(kept, fit, doubt=doubt) if lone else settled_readings(data, kept, fit)
+    settled = settled_fit(data, kept, fit, tracked=tracked, doubt=doubt)
     if settled.dof < FEWEST:
         numbers = len(kept) * problem.measured.components
         raise DatasetError(
@@ -212,7 +212,7 @@ def _calibrated(
             hint="measure more: a fit needs more numbers than it takes to fit them (of touches of one plane, about 25; a mesh "
             "of 7 x 7 is good)",
         )
-    return _result(settled, near, whole, usable, lone=lone)
+    return _result(settled, near, whole, usable, tracked=tracked)
 
 
 def without_sigmas(dataset: Dataset) -> Dataset:
@@ -221,11 +221,11 @@ def without_sigmas(dataset: Dataset) -> Dataset:
     return replace(dataset, instrument=undeclared)
 
 
-def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, lone: bool) -> Calibration:
+def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tracked: bool) -> Calibration:
     """Make the result from the converged iterations.
 
     ``near``: (M) poses of the nominal geometry, base frame, at the fitted rows, gross errors included. ``whole``,
-    ``usable``: N rows, and (N,) True for the M rows that were fitted. ``lone``: whether they are a lone tracker's.
+    ``usable``: N rows, and (N,) True for the M rows that were fitted. ``tracked``: whether they are a single tracker's.
     """
     final, noise = settled.final, settled.noise.take(settled.used)
     problem, point = final.problem, final.point
@@ -244,7 +244,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, lon
     unseen = seen.directions[:, seen.variance_reduction < UNSEEN]
     model = replace(point.model, covariance=covariance, unexplained=unexplained)
     instrument = whole.instrument
-    if lone:
+    if tracked:
         conditions = FitConditions.of(settled.noise, settled.chi2, settled.dof, whole.covariates, unexplained)
         model = replace(model, fit=conditions)
         used = measured.rows.tables[0].model_dump(include={"position_sigma", "orientation_sigma"})

@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from gtpin.calibration.checks.prepared import check_actuators
 from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
-from gtpin.data.sane import sane_rows
+from gtpin.data.plausible import check_actuators, sane_rows
 from gtpin.errors import DatasetError
 from gtpin.instruments.frame_and_target import Placement, frame_and_target
 from gtpin.kinematics.kinematics import Kinematics
@@ -72,11 +71,11 @@ def unseen_words(unseen: Floats) -> str:
     """
     fixed = "it is left where the TCP is, and the instrument's frame takes up the difference"
     if len(unseen) == 3:
-        return f"these poses do not tell where the target sits on the platform, for the robot does not turn it: {fixed}"
+        return f"these poses do not determine where the target sits on the platform, for the robot does not turn it: {fixed}"
     named = " and ".join(f"({', '.join(f'{v + 0.0:.3g}' for v in np.round(axis, 3))})" for axis in unseen)
     if not named:
         return ""
-    return f"these poses do not tell where the target sits along {named} of the TCP's frame: along this, {fixed}"
+    return f"these poses do not determine where the target sits along {named} of the TCP's frame: along this, {fixed}"
 
 
 def without_target(geometry: Geometry) -> Geometry:

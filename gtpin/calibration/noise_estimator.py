@@ -184,7 +184,7 @@ class NoiseEstimator:
 def noise_at(noise: ReadingNoise, measured: Readings) -> ReadingNoise:
     """The same noise for other rows of the same instruments; a usual one of orientations that it does not have."""
     sigma, estimated, groups = noise.sigma, noise.estimated, len(measured.declared)
-    if len(sigma) != groups:  # a lone tracker's, of a fit to positions or of poses
+    if len(sigma) != groups:  # a single tracker's, of a fit to positions or of poses
         sigma = np.array([noise.position_sigma, noise.orientation_sigma])[:groups]
         estimated = np.append(estimated, True)[:groups]
     found = replace(noise, sigma=sigma, estimated=estimated, group=measured.group, row_sigma=measured.row_sigma)

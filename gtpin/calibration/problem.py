@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.data import Dataset
+from gtpin.errors import DatasetError
 from gtpin.instruments.frame_and_target import alignment
 from gtpin.instruments.readings import VAGUE, Readings
 from gtpin.kinematics.poses import Poses, chunks
@@ -191,7 +192,7 @@ class Problem:
 
     @property
     def poses(self) -> Measured:
-        """The measured poses of a lone tracker."""
+        """The measured poses of a single tracker."""
         T, R = self.measured.poses
         return Measured(self.measured.q, T, R)
 
@@ -223,6 +224,24 @@ def measured_poses(dataset: Dataset) -> Measured:
 def rough_frame(predicted: Poses, measured: Measured) -> Frame:
     """First guess of the base frame's pose in the instrument's frame, by ``alignment``."""
     return Frame(*alignment(predicted, measured.T, measured.R))
+
+
+def problem_of(dataset: Dataset, near: Poses, nominal: Model, *, free: bool) -> Problem:
+    """The problem about the nominal machine, with the frame, and the instruments' unknowns, that fit it best.
+
+    ``near``: (N) poses of ``nominal`` at the dataset's rows, base frame. ``free``: whether a single tracker stands elsewhere.
+
+    Raises `DatasetError` if there are fewer measured numbers than unknowns without a prior.
+    """
+    readings = Readings.of(dataset, nominal.robot)
+    readings, c = readings.at(readings.start(near)), readings.components
+    numbers, unknowns = len(dataset) * c, readings.free_unknowns(free)
+    if numbers <= unknowns:
+        what = f"{numbers} readings for {unknowns} unknowns of the instruments alone"
+        raise DatasetError(what, file=dataset.file, hint="measure more")
+    start = replace(nominal, frame=rough_frame(near, measured_poses(dataset)) if free else Frame())
+    whitening = np.broadcast_to(np.eye(c), (len(dataset), c, c))
+    return Problem(start, with_unknowns(readings, near), whitening, free)
 
 
 def with_unknowns(readings: Readings, poses: Poses) -> Readings:

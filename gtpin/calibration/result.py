@@ -35,7 +35,7 @@ CORRELATED = 0.7
 class InstrumentFit:
     """How well a calibration fits the readings of one instrument.
 
-    - ``name``, ``kind``: as in dataset.toml; the name of a lone tracker may be empty. It then has a second one of these,
+    - ``name``, ``kind``: as in dataset.toml; the name of a single tracker may be empty. It then has a second one of these,
       for its orientations.
     - ``readings``: number of used rows of its table.
     - ``before``, ``after``: root mean square error of its readings, in ``unit``. ``before``: of the nominal robot with the
@@ -214,8 +214,8 @@ class Calibration(Shown):
     @property
     def worse(self) -> str:
         """Which errors are larger than those of the nominal robot, in words; empty where none is."""
-        grown = [one for one in self.by_instrument if one.after > WORSE * one.before]
-        sizes = [f"{one.what} from {1e6 * one.before:.0f} to {1e6 * one.after:.0f} u{one.unit}" for one in grown]
+        larger = [one for one in self.by_instrument if one.after > WORSE * one.before]
+        sizes = [f"{one.what} from {1e6 * one.before:.0f} to {1e6 * one.after:.0f} u{one.unit}" for one in larger]
         return f"the fit makes the {' and the '.join(sizes)}: don't use this model" if sizes else ""
 
     @property

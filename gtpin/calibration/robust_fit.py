@@ -49,7 +49,7 @@ NEAR = 0.1
 """Relative change of noise and tolerances from one of these fits to the next, below which the maximum is found."""
 DEMANDED = 7.0
 """Gain in log marginal likelihood, nats, from which tolerances are wider than given: as ``STRAINED`` of the strain's check."""
-STRAYED = 4.0
+FAR_FROM_NOMINAL = 4.0
 """Deviation of a parameter in units of its given tolerance, which at least one has where tolerances are wider. Assumed: with
 less, the given tolerances lead to the same fit, and effects that the geometry lacks look the same."""
 LACKING_FREEDOM = 7.0
@@ -219,8 +219,8 @@ class RobustFit:
         if self.lacking or not own.any():
             return narrow
         wide = max((marginal.best(s, widen=True) for s in starts), key=lambda found: found.log_likelihood)
-        strayed = np.abs(marginal.x[own]).max() > STRAYED
-        if strayed and wide.log_likelihood - narrow.log_likelihood > DEMANDED:
+        far = np.abs(marginal.x[own]).max() > FAR_FROM_NOMINAL
+        if far and wide.log_likelihood - narrow.log_likelihood > DEMANDED:
             return wide
         return narrow
 

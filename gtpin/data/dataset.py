@@ -29,7 +29,7 @@ from gtpin.data.folder import SUFFIXES, tables_there, write_folder
 from gtpin.data.ids import Ids, codes
 from gtpin.data.instrument_rows import POSES, InstrumentRows
 from gtpin.data.instrument_tables import written
-from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, TOLD_BY_ZERO, command_names
+from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, ZERO_COUNTS, command_names
 from gtpin.data.read_instruments import read_instruments
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError, noted, warn
@@ -81,7 +81,7 @@ class Dataset(Shown):
     unusable
         Names of recorded covariates that were removed from ``covariates`` because their values are impossible.
     readings
-        The rows of the instruments. Those of a lone tracker, which has no name, are always ``position`` and ``orientation``.
+        The rows of the instruments. Those of a single tracker, which has no name, are always ``position`` and ``orientation``.
         For other instruments, ``position`` is not measured: it is zero until a robot is known, then the nominal TCP in the
         base frame.
     warnings
@@ -286,7 +286,7 @@ class Dataset(Shown):
             table.warn_of_covariates(taken)
         dataset._check_drivers()
         constant = {name: column[0] for name, column in dataset.covariates.items() if (column == column[0]).all()}
-        still = [name for name, value in constant.items() if not (TOLD_BY_ZERO.fullmatch(name) and value == 0.0)]
+        still = [name for name, value in constant.items() if not (ZERO_COUNTS.fullmatch(name) and value == 0.0)]
         if still:
             where = dataset.file if table is not None else path
             warn(f"{where}: these covariates do not vary, so they give no information: {', '.join(still)}")
@@ -306,7 +306,7 @@ class Dataset(Shown):
             mine = self.readings.rows_of(index)
             if len(mine):  # an instrument without rows is left out
                 tables[one.name or "poses"] = self._columns(mine, self.readings.columns_of(index))
-                if one.name:  # [instrument] describes a lone tracker
+                if one.name:  # [instrument] describes a single tracker
                     sections.append(written(one.model_copy(update={"file": None})))
         if self.carts is not None:
             tables["carts"] = self.carts.columns

@@ -29,7 +29,7 @@ TomlName = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)
 
 
 def hint(text: str) -> Any:
-    """What errors about the annotated key tell the user to write."""
+    """What errors about the annotated key say that the user should write."""
     return Field(description=text)
 
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betainc, ndtr
+from scipy.special import betainc
 
 from gtpin.data.dataset import Dataset
 from gtpin.data.files import warn_of
-from gtpin.typing import Floats, Mask
+from gtpin.data.ids import joint_codes
+from gtpin.typing import Floats, Indices, Mask
 
 POSITION_STEPS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5, 1e-5)
 """Steps that positions are rounded to, m, the coarsest first."""
@@ -91,17 +91,11 @@ def command_steps(q: Floats, revolute: Mask) -> CommandSteps | None:
     return None
 
 
-Codes = NDArray[np.intp]
-
 CHANCE = 1e-5
 """Probability of as many equal rows below which they are copies. Assumed."""
 LEAST_SCATTER = 1e-6
 """Scatter of a reading between visits, m or rad, where no visits differ that could show it. Assumed: few machines repeat to
 less."""
-SCATTERS = np.geomspace(0.02, 1e9, 120)
-"""Scatters that are tried, in units of the step to which readings are rounded."""
-NEAR = 2.0
-"""Loss in log likelihood, nats, up to which a smaller scatter is not excluded. Derived: two standard deviations."""
 STEPS = tuple(m * 10.0**-k for k in range(2, 10) for m in (1.0, 0.5))
 """Steps that readings are rounded to, m or rad, the coarsest first."""
 FINEST = 1e-12
@@ -161,8 +155,8 @@ def _copies(same: list[NDArray[np.generic]], read: list[Floats]) -> NDArray[np.b
     copied = np.zeros(count, dtype=bool)
     if any(len(np.unique(column)) == count for column in (*read, *same)):
         return copied  # the usual case
-    place = _codes(same)
-    row = _codes([place, *read])
+    place = joint_codes(same)
+    row = joint_codes([place, *read])
     order = np.argsort(row, kind="stable")
     begins = np.flatnonzero(np.diff(row[order], prepend=-1))
     times = np.diff(begins, append=count)
@@ -185,13 +179,7 @@ def _copies(same: list[NDArray[np.generic]], read: list[Floats]) -> NDArray[np.b
     return copied
 
 
-def _codes(columns: list[NDArray[np.generic]]) -> Codes:
-    """(N,) numbers that are equal for rows which are equal in all columns (N,)."""
-    codes = (np.unique(column, return_inverse=True)[1].ravel() for column in columns)
-    return reduce(lambda a, b: np.unique(a * (b.max(initial=0) + 1) + b, return_inverse=True)[1].ravel(), codes)
-
-
-def _chance(place: Codes, row: Codes, read: list[Floats]) -> float:
+def _chance(place: Indices, row: Indices, read: list[Floats]) -> float:
     """Upper bound of the probability that two visits to one place are equal in all columns: that of the most unlikely column.
 
     Columns are not multiplied, because the errors of a drive move several of them together.
@@ -203,10 +191,11 @@ def _chance(place: Codes, row: Codes, read: list[Floats]) -> float:
     for column in read:
         moved = np.abs(column[order][visits + 1] - column[order][visits])
         moved = moved[moved > 0.0]
+        step = _step(column, moved)
         if len(moved):
-            chances.append(_equal(moved, _step(column, moved)))
+            chances.append(_equal(moved / step))
         elif not len(visits) and (column != column[0]).any():
-            chances.append(float(_rounded(LEAST_SCATTER / _step(column, moved), 0.0)))
+            chances.append(min(1.0, step / LEAST_SCATTER))
     return min(chances)
 
 
@@ -220,31 +209,12 @@ def _step(column: Floats, moved: Floats) -> float:
     return coarsest_step(column[:, None], STEPS) or FINEST
 
 
-def _equal(moved: Floats, step: float) -> float:
-    """Largest probability that two visits are equal in a column, given the differences of those that are not.
+def _equal(steps: Floats) -> float:
+    """Upper bound of the probability that two visits are equal in a column, from k differences of those that are not, in steps.
 
-    The scatter is the smallest that these differences, each a number of steps, do not exclude.
+    Readings of scatter s, rounded to steps that are smaller, are equal with probability 1 / (2 sqrt(pi) s), and their
+    differences have the median 0.95 s. A median of k has a relative standard error of about 1 / sqrt(k). Of a scatter up to
+    two steps nothing is known.
     """
-    none = _rounded(SCATTERS, 0.0)
-    steps, times = np.unique(np.minimum(np.round(moved / step), SCATTERS[-1]), return_counts=True)
-    likely = np.log(np.maximum(_rounded(SCATTERS[:, None], steps), 1e-300)) @ times
-    likely -= len(moved) * np.log1p(-none)
-    return float(none[np.argmax(likely >= likely.max() - NEAR)])
-
-
-def _rounded(scatter: Floats | float, steps: Floats | float) -> Floats:
-    """Probability that the rounded readings of two visits differ by a number of steps, of each sign.
-
-    ``scatter``: standard deviation of a reading, in steps. The difference before rounding is normal, and the place of the
-    readings between two steps is uniform.
-    """
-    width = np.sqrt(2.0) * np.asarray(scatter)
-    k = np.asarray(steps)
-
-    def twice(x: Floats) -> Floats:
-        """The second antiderivative of the density of the difference."""
-        return np.asarray(x * ndtr(x / width) + width * np.exp(-0.5 * (x / width) ** 2) / np.sqrt(2.0 * np.pi))
-
-    exact = twice(k + 1.0) - 2.0 * twice(k) + twice(k - 1.0)
-    density = np.exp(-0.5 * (k / width) ** 2) / (width * np.sqrt(2.0 * np.pi))
-    return np.where(width > 30.0, density, np.maximum(exact, 0.0))  # a wide density hardly changes within a step
+    middle = float(np.median(steps))
+    return 1.0 if middle < 2.5 else min(1.0, (0.27 + 1.0 / np.sqrt(len(steps))) / middle)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -79,3 +80,9 @@ def codes(values: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[Any]]:
         return code.ravel(), distinct
     place = {value: index for index, value in enumerate(sorted(set(values)))}
     return np.fromiter(map(place.__getitem__, values), np.intp, len(values)), np.array(list(place), dtype=object)
+
+
+def joint_codes(columns: Iterable[NDArray[Any]]) -> NDArray[np.intp]:
+    """(N,) index of each row among the distinct combinations of some columns (N,), in the order of the columns."""
+    each = (np.unique(column, return_inverse=True)[1].ravel() for column in columns)
+    return reduce(lambda a, b: np.unique(a * (b.max(initial=0) + 1) + b, return_inverse=True)[1].ravel(), each)

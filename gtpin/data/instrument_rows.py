@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtpin.data.description import InstrumentSection
+from gtpin.data.ids import joint_codes
 from gtpin.data.instrument_tables import LARGEST, InstrumentTable, SocketTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.table import Column
@@ -54,7 +55,7 @@ class InstrumentRows:
         instrument: InstrumentSection | None = None,
         file: Path | None = None,
     ) -> InstrumentRows:
-        """Poses that a lone tracker has read: T (N, 3), m, and quaternions (N, 4) or None; ``line``: (N,). It has no name."""
+        """Poses that a single tracker has read: T (N, 3), m, and quaternions (N, 4) or None; ``line``: (N,). It has no name."""
         columns = dict(zip(POSITION, T.T, strict=True))
         if quaternions is not None:
             columns |= dict(zip(ORIENTATION, quaternions.T, strict=True))
@@ -64,12 +65,12 @@ class InstrumentRows:
 
     @property
     def tracked(self) -> bool:
-        """Whether these are the poses of a lone tracker, which has no name: their frame is that of the model."""
+        """Whether these are the poses of a single tracker, which has no name: their frame is that of the model."""
         return not self.tables[0].name
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the instruments, in their order; none for a lone tracker."""
+        """Names of the instruments, in their order; none for a single tracker."""
         return tuple(table.name for table in self.tables if table.name)
 
     def __len__(self) -> int:
@@ -112,9 +113,7 @@ class InstrumentRows:
         ids = [c.astype(str) for c in self.columns.values() if c.dtype == object]
         if not ids and len(self.tables) == 1 and (self.component < 0).all():
             return np.zeros(len(self), dtype=np.intp)
-        keys = [np.unique(values, return_inverse=True)[1] for values in ids]
-        found = np.unique(np.column_stack([self.of, self.component, *keys]), axis=0, return_inverse=True)[1]
-        return np.asarray(found).ravel()
+        return joint_codes([self.of, self.component, *ids])
 
     def what(self, row: int) -> str:
         """What a row reads, as words: its instrument, and its station, plane, socket and target."""
@@ -124,7 +123,7 @@ class InstrumentRows:
     @property
     def row(self) -> NDArray[np.intp]:
         """(N,) number of the table's row that each row is of, from 0: the components of one reading share it."""
-        return np.unique(np.column_stack([self.of, self.line]), axis=0, return_inverse=True)[1].ravel()
+        return joint_codes([self.of, self.line])
 
     @property
     def countable(self) -> NDArray[np.bool_]:
@@ -152,4 +151,4 @@ class InstrumentRows:
 
 
 POSES = InstrumentRows.of_poses(np.empty((0, 3)), None, np.empty(0, dtype=np.int64))
-"""Poses of a lone tracker, before a dataset gives them."""
+"""Poses of a single tracker, before a dataset gives them."""

@@ -21,8 +21,8 @@ _COVARIATE = re.compile(rf"{'|'.join(_PLAIN)}|f[xyz]|(?:approach|speed)[1-9][0-9
 TAKEN_IN_POSES = re.compile(r"pose|q[0-9]+|[xyz]|q[wxyz]")
 TAKEN_IN_CARTS = re.compile(r"pose|cart|q|[xyz]|q[wxyz]")
 
-TOLD_BY_ZERO = re.compile(r"payload|f[xyz]|speed[1-9][0-9]*")
-"""Covariates of which 0 in every row tells something: that the machine stood still, or carried nothing."""
+ZERO_COUNTS = re.compile(r"payload|f[xyz]|speed[1-9][0-9]*")
+"""Covariates of which 0 in every row is information: that the machine stood still, or carried nothing."""
 LIKE = 0.8
 """Share of letters that two names must have in common, in the same order, to look alike (``difflib``'s ratio). Assumed."""
 LONGEST = 200

@@ -1,19 +1,20 @@
-"""Commands against the ranges of a robot's actuators: units, whole turns, and rows that are outside."""
+"""Numbers that can't be: commands of a robot's actuators, readings of a machine's sensors, values of dataset.toml."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any, TypeVar
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gtpin.data.commands import Commands
 from gtpin.data.dataset import Dataset
 from gtpin.data.files import warn_of
+from gtpin.data.names import POSITION
 from gtpin.errors import DatasetError, warn
-from gtpin.typing import Mask
+from gtpin.typing import Floats, Mask
 
 Doubt = Callable[[DatasetError, Any], None]
 """Decides on a suspected mistake, by its error and the rows without the mistake: it raises the error, or returns."""
@@ -29,29 +30,70 @@ SHOWN = 10
 """Number of poses that a message names."""
 _SEVERAL = 6
 """Fewest rows out of range for the message that a part of a column is in another unit. Assumed."""
+MOST = 0.1
+"""Share of the rows that may lack a reading before the column is refused; assumed."""
+_OVERFLOW = (-999.0, -9999.0, -99999.0, 9999.0, 99999.0, 65535.0, 32767.0, -32768.0, 2147483647.0, 4294967295.0)
+FASTEST = 20.0
+"""Speed, m/s or rad/s, above which no actuator of a robot moves. Assumed."""
+ROOM = (-40.0, 90.0)
+"""A temperature column looks like kelvin where its median less 273.15 is in this range, degC. Assumed."""
+WARM, MILD, USUAL = 45.0, (10.0, 40.0), 25.0
+"""A temperature column looks like degrees Fahrenheit where its median is above `WARM`, is in the range `MILD`, degC, when it is
+converted from Fahrenheit, and is more than `USUAL`, K, above the reference temperature. Assumed."""
+SIGMA = (1e-10, 1.0)
+"""Smallest and largest sigma of an instrument, m or rad. Assumed."""
+TOLERANCE = (1e-10, 10.0)
+"""Smallest and largest tolerance, m, rad or m/m. Assumed."""
+STATION = 1e4
+"""Farthest coordinate of an instrument, m, that can measure a robot; assumed."""
+FARTHEST = 1e12
+"""Median absolute value of a coordinate, m, above which no wrong unit explains it: 1e12 nm are 1 km. Assumed."""
+TEMPERATURE = (-60.0, 150.0)
+"""Lowest and highest reference temperature of a machine, degC. Assumed."""
+FAHRENHEIT = (59.0, 86.0)
+"""A reference temperature that is 15 to 30 degC when it is read in degrees Fahrenheit."""
+Bound = tuple[str, float, tuple[float, float], str]
+"""A key, its value, the limits of the value, and a hint."""
 
 
-def certainly(error: DatasetError, _: Any) -> None:
-    """Raise the error: no mistake is doubted."""
-    raise error
+class Drives(Protocol):
+    """A robot with n actuators."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def sites(self) -> tuple[str, ...]:
+        """Names of its actuators, in the order of q."""
+
+    @property
+    def lower(self) -> Floats:
+        """(n,) lower end of each range, m or rad."""
+
+    @property
+    def upper(self) -> Floats:
+        """(n,) upper end of each range, m or rad."""
+
+    @property
+    def revolute(self) -> Mask:
+        """(n,) whether each one turns."""
 
 
 Rows = TypeVar("Rows", Dataset, Commands)
 
 
-def without_whole_turns(
-    rows: Rows, *, names: Sequence[str], lower: ArrayLike, upper: ArrayLike, revolute: ArrayLike
-) -> Rows:
+def without_whole_turns(rows: Rows, drives: Drives) -> Rows:
     """The rows with commands outside their ranges less a whole turn, in columns that fit their ranges then.
 
     A controller may count from 0 to 360 degrees where the robot's file has a range about 0. Columns with values that are
-    more than a turn off the range, as degrees are, stay as they are. ``names`` to ``revolute``: as for :func:`check_commands`.
+    more than a turn off the range, as degrees are, stay as they are.
 
     Warns: names the column and the number of rows.
     """
-    low, high = np.asarray(lower, float), np.asarray(upper, float)
-    turns = np.asarray(revolute, bool) & np.isfinite(high - low)
-    if rows.n_actuators != len(names) or not turns.any():
+    low, high = drives.lower, drives.upper
+    turns = drives.revolute & np.isfinite(high - low)
+    if rows.n_actuators != len(low) or not turns.any():
         return rows
     middle, half = np.where(turns, (low + high) / 2.0, 0.0), np.where(turns, (high - low) / 2.0, np.inf)
     off = rows.q - middle
@@ -66,100 +108,76 @@ def without_whole_turns(
         first, count = int(np.argmax(whole[:, j] != 0.0)), int(np.count_nonzero(whole[:, j]))
         warn_of(
             rows.file,
-            f"q{j + 1}: a whole turn is taken off in {count} of {len(q)} rows, since {names[j]} turns from {low[j]:g} to "
-            f"{high[j]:g} rad (in row {rows.place(first)[1]}, {rows.q[first, j]:g} becomes {q[first, j]:.6g})",
+            f"q{j + 1}: a whole turn is taken off in {count} of {len(q)} rows, since {drives.sites[j]} turns from "
+            f"{low[j]:g} to {high[j]:g} rad (in row {rows.place(first)[1]}, {rows.q[first, j]:g} becomes {q[first, j]:.6g})",
         )
     return replace(rows, q=q)
 
 
-def check_commands(
-    rows: Dataset | Commands,
-    *,
-    names: Sequence[str],
-    lower: ArrayLike,
-    upper: ArrayLike,
-    revolute: ArrayLike,
-    suspect: Doubt = certainly,
-) -> None:
+def check_actuators(drives: Drives, rows: Dataset | Commands) -> None:
+    """Raise `DatasetError` where rows do not have one command for each of a robot's actuators."""
+    given, needed = rows.n_actuators, len(drives.sites)
+    if given != needed:
+        what = f"{given} command{'s'[: given != 1]} a pose, but {drives.name} has {needed} actuator{'s'[: needed != 1]}"
+        hint = f"give {'q1' if needed == 1 else f'q1 .. q{needed}'} ({', '.join(drives.sites)})"
+        hint += ", or name those that were commanded: actuators = [...] in dataset.toml" if given < needed else ""
+        raise DatasetError(what, file=rows.file, column=f"q{given}", hint=hint)
+
+
+def check_commands(rows: Dataset | Commands, drives: Drives, suspect: Doubt | None = None) -> None:
     """Check commands against the ranges of a robot's n actuators.
 
-    Parameters
-    ----------
-    names
-        Names of the actuators for messages, in the order of q.
-    lower, upper, revolute
-        (n,) ends of each range, m or rad, and whether the actuator turns.
-    suspect
-        What is done where most commands of a joint without limits are more than `TURNS` turns from zero, as degrees are.
+    ``suspect``: what is done where most commands of a joint without limits are more than `TURNS` turns from zero, as degrees
+    are; None: the error is raised.
 
     Raises `DatasetError` for another number of actuators, and for a command that is outside its range by more than the range's
     width, with the unit that it looks like; of a trusted dataset it only warns. Warns of poses that are outside by less.
     """
-    low, high, turns = np.asarray(lower, float), np.asarray(upper, float), np.asarray(revolute, bool)
-    if rows.n_actuators != len(names):
-        what = f"{rows.n_actuators} columns of commands, but the robot has {len(names)} actuators ({', '.join(names)})"
-        hint = "name the robot that was measured, or give one column for each actuator"
-        if rows.n_actuators < len(names):
-            hint += ", or name those that were commanded: actuators = [...] in dataset.toml"
-        raise DatasetError(what, file=rows.file, column=f"q{rows.n_actuators}", hint=hint)
-    beyond = np.maximum(low - rows.q, rows.q - high)
+    names, low, high, q = drives.sites, drives.lower, drives.upper, rows.q
+    check_actuators(drives, rows)
+    beyond = np.maximum(low - q, q - high)
     far = beyond > high - low
     if far.any():
-        index, actuator = (int(i) for i in np.argwhere(far)[0])
-        limits = (low[actuator], high[actuator])
-        error = _far_outside(rows, index, actuator, names[actuator], *limits, turns[actuator], far[:, actuator])
+        error = _far_outside(rows, drives, far)
         if not getattr(rows, "trusted", False):
             raise error
         warn(str(error))
-    _check_endless(rows, names, turns & ~np.isfinite(high - low), suspect)
-    outside = (beyond > 1e-9 * np.where(np.isfinite(high - low), high - low, 0.0)).any(axis=1)
+    turn = 2.0 * np.pi
+    for j in map(int, np.flatnonzero(drives.revolute & ~np.isfinite(high - low))):
+        size = np.abs(q[:, j])
+        many = size > TURNS * turn
+        if many.mean() > 0.5 and (np.deg2rad(size) <= turn).mean() >= _NEARLY_ALL:  # nearly all within 360 degrees
+            what = f"most commands of {names[j]} are more than {TURNS:g} turns from zero, and look like degrees"
+            hint = "write commands in rad; if the joint did turn so often, take whole turns away"
+            file, line = rows.place(int(np.argmax(many)))
+            error = DatasetError(what, file=file, row=line, column=f"q{j + 1}", hint=hint)
+            if suspect is None:
+                raise error
+            suspect(error, replace(rows, q=np.where(np.arange(q.shape[1]) == j, np.deg2rad(q), q)))
+    width = np.where(np.isfinite(high - low), high - low, 0.0)
+    outside = np.asarray((beyond > 1e-9 * width).any(axis=1))
     if outside.any():
         warn_of(rows.file, f"commands a little outside the robot's range: {named_poses(rows, outside)}")
 
 
-def _check_endless(rows: Dataset | Commands, names: Sequence[str], endless: Mask, suspect: Doubt) -> None:
-    """Suspect commands of joints without limits, mostly `TURNS` turns and more from zero, nearly all within 360 degrees."""
-    turn = 2.0 * np.pi
-    for actuator in map(int, np.flatnonzero(endless)):
-        q = np.abs(rows.q[:, actuator])
-        if (q > TURNS * turn).mean() > 0.5 and (np.deg2rad(q) <= turn).mean() >= _NEARLY_ALL:
-            index = int(np.argmax(q > TURNS * turn))
-            what = f"most commands of {names[actuator]} are more than {TURNS:g} turns from zero, and look like degrees"
-            hint = "write commands in rad; if the joint did turn so often, take whole turns away"
-            file, line = rows.place(index)
-            scaled = rows.q.copy()
-            scaled[:, actuator] = np.deg2rad(scaled[:, actuator])
-            error = DatasetError(what, file=file, row=line, column=f"q{actuator + 1}", hint=hint)
-            suspect(error, replace(rows, q=scaled))
-
-
-def _far_outside(
-    rows: Dataset | Commands,
-    index: int,
-    actuator: int,
-    name: str,
-    low: float,
-    high: float,
-    turns: bool,
-    far: Mask,
-) -> DatasetError:
-    right, other, factor = ("rad", "degrees", 180.0 / np.pi) if turns else ("m", "millimetres", 1000.0)
-    q = rows.q[:, actuator]
-    as_is, scaled = (float(np.mean((x >= low) & (x <= high))) for x in (q, q / factor))
+def _far_outside(rows: Dataset | Commands, drives: Drives, far: Mask) -> DatasetError:
+    """The error of the first command that is ``far`` (N, n) outside its range, with the unit that its column looks like."""
+    index, j = (int(i) for i in np.argwhere(far)[0])
+    name, low, high, q = drives.sites[j], drives.lower[j], drives.upper[j], rows.q[:, j]
+    right, other, factor = ("rad", "degrees", 180.0 / np.pi) if drives.revolute[j] else ("m", "millimetres", 1000.0)
+    as_is, scaled = (((x >= low) & (x <= high)) for x in (q, q / factor))
+    looks, hint = "", "correct the row, or leave it out"
     # Where most commands fit without a conversion, the others are separate errors, not a matter of units.
-    looks = f", and the column looks like {other}" if scaled >= _NEARLY_ALL and as_is < 0.5 else ""
-    what = f"{q[index]:g} is far outside the range of {name} ({low:g} to {high:g} {right})"
-    hint = f"write commands in {right}" if looks else "correct the row, or leave it out"
-    part = q[far] / factor
-    if not looks and far.sum() >= _SEVERAL and ((part >= low) & (part <= high)).mean() >= _NEARLY_ALL:
-        lines = [rows.place(int(i))[1] for i in np.flatnonzero(far)]
-        looks = (
-            f", and so are {far.sum()} of {len(q)} rows, the first in line {min(lines)} and the last in line {max(lines)} of "
-            f"the file, which look like {other}"
-        )
+    if scaled.mean() >= _NEARLY_ALL and as_is.mean() < 0.5:
+        looks, hint = f", and the column looks like {other}", f"write commands in {right}"
+    elif (own := far[:, j]).sum() >= _SEVERAL and scaled[own].mean() >= _NEARLY_ALL:
+        lines = [rows.place(int(i))[1] for i in np.flatnonzero(own)]
+        looks = f", and so are {len(lines)} of {len(q)} rows, the first in line {min(lines)} and the last in line "
+        looks += f"{max(lines)} of the file, which look like {other}"
         hint = f"write commands of these rows in {right}"
+    what = f"{q[index]:g} is far outside the range of {name} ({low:g} to {high:g} {right}){looks}"
     file, line = rows.place(index)
-    return DatasetError(what + looks, file=file, row=line, column=f"q{actuator + 1}", hint=hint)
+    return DatasetError(what, file=file, row=line, column=f"q{j + 1}", hint=hint)
 
 
 def named_poses(rows: Dataset | Commands, mask: Mask) -> str:
@@ -167,3 +185,140 @@ def named_poses(rows: Dataset | Commands, mask: Mask) -> str:
     poses = list(dict.fromkeys(rows.pose[mask]))
     more = f" and {len(poses) - SHOWN} more" if len(poses) > SHOWN else ""
     return f"pose{'s' if len(poses) > 1 else ''} {', '.join(poses[:SHOWN])}{more}"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a column measures.
+
+    - ``names``: its columns.
+    - ``what``: what it is and its unit, for messages.
+    - ``lowest``, ``highest``: limits of the values of any machine. Assumed.
+    - ``marks``: values that loggers write where they have no reading. They count as marks where no other value is near
+      them.
+    - ``apart``: smallest distance of a mark from all other values, in the column's unit. It must also be at least ``spans``
+      times the range of the other values.
+    """
+
+    names: re.Pattern[str]
+    what: str
+    lowest: float
+    highest: float
+    marks: tuple[float, ...]
+    apart: float
+    spans: float = 1.0
+
+
+KINDS = (
+    # 85 degC is a DS18B20's value at power-up, -127 degC is its library's error; 0 and -273.15 are 0 counts and 0 K.
+    Kind(re.compile("temp.*"), "a temperature in degC", -60.0, 150.0, (0.0, 85.0, 127.0, -127.0, *_OVERFLOW), 5.0),
+    Kind(re.compile("speed[0-9]+"), "a speed in m/s or rad/s", -FASTEST, FASTEST, _OVERFLOW, 10.0),
+    Kind(re.compile("payload"), "a payload in kg", 0.0, 1e5, (65535.0, 32767.0, 9999.0, 99999.0), 1e3),
+    Kind(re.compile("f[xyz]"), "a force in N", -1e6, 1e6, _OVERFLOW, 500.0),
+    Kind(re.compile("time"), "a time in s", -1e20, 1e20, (0.0, -1.0, *_OVERFLOW), 60.0, 10.0),
+    Kind(re.compile(".*"), "a number that can be counted with", -1e100, 1e100, (), np.inf),
+)
+"""Kinds of columns; the first one whose pattern matches a column's name applies."""
+
+
+def sane_rows(dataset: Dataset) -> Mask:
+    """(N,) the rows without an impossible value.
+
+    Raises `DatasetError` if a temperature looks like kelvin or Fahrenheit, or a speed like mm/s; if more than a tenth of a
+    column is impossible. Warns: names the poses that are set aside.
+    """
+    good = np.ones(len(dataset), dtype=bool)
+    for name, column in dataset.covariates.items():
+        if name == "session":
+            continue
+        kind = next(kind for kind in KINDS if kind.names.fullmatch(name))
+        values = np.asarray(column, dtype=float)
+        _check_units(dataset, name, values)
+        lacking = _lacking(values, kind)
+        if lacking.mean() > MOST:
+            first = int(np.argmax(lacking))
+            hint = f"{lacking.sum()} of {len(values)} rows are like that: give them as {kind.what}, or leave the column out"
+            file, line = dataset.place(first)
+            what = f"{values[first]:.6g} can't be {kind.what}"
+            raise DatasetError(what, file=file, row=line, column=name, hint=hint)
+        if lacking.any():
+            shown = ", ".join(f"{value:g}" for value in np.unique(values[lacking])[:3])
+            poses = ", ".join(dataset.names_of(lacking))
+            warn_of(dataset.file, f"set aside, for {name} of {shown} is no reading: poses {poses}")
+            good &= ~lacking
+    return good
+
+
+def _lacking(values: Floats, kind: Kind) -> Mask:
+    """(N,) True for impossible values, and for marks of loggers that are far from all other values."""
+    lacking = (values < kind.lowest) | (values > kind.highest)
+    marked = np.isin(values, kind.marks) & ~lacking
+    others = values[~lacking & ~marked]
+    if not marked.any() or not len(others) or marked.mean() > MOST:
+        return lacking
+    low, high = float(others.min()), float(others.max())
+    apart = np.maximum(low - values, values - high)
+    return lacking | (marked & (apart > max(kind.apart, kind.spans * (high - low))))
+
+
+def _check_units(dataset: Dataset, name: str, values: Floats) -> None:
+    middle = float(np.median(values))
+
+    def looks(unit: str, hint: str) -> DatasetError:
+        return DatasetError(f"{name} looks like {unit}", file=dataset.file, column=name, hint=hint)
+
+    if name.startswith("temp"):
+        if ROOM[0] <= middle - 273.15 <= ROOM[1]:
+            raise looks("kelvin", f"subtract 273.15 from {name}")
+        reference = dataset.conditions.reference_temperature
+        if middle > WARM and MILD[0] <= (middle - 32.0) / 1.8 <= MILD[1] and middle > reference + USUAL:
+            hint = (
+                f"{name} = ({name} - 32) / 1.8; a machine that is as warm as that has a reference_temperature near it, "
+                "under [conditions]"
+            )
+            raise looks("degrees Fahrenheit", hint)
+    if re.fullmatch("speed[0-9]+", name):
+        moving = np.abs(values[values != 0.0])
+        if len(moving) and FASTEST < float(np.median(moving)) <= 1e3 * FASTEST:
+            raise looks("mm/s or degrees/s", "speeds are in m/s or rad/s")
+
+
+def check_extremes(dataset: Dataset) -> None:
+    """Check the numbers that dataset.toml gives, and that the commands differ.
+
+    Raises `DatasetError` for a sigma, a tolerance, a station or a reference temperature that can't be, for positions beyond
+    any unit, and where all commands are the same. Warns: of a reference temperature that could be in degrees Fahrenheit.
+    """
+    file = dataset.toml
+    for key, value, (least, most), hint in _bounded(dataset):
+        if not least <= value <= most:
+            raise DatasetError(
+                f"{value:.6g} can't be", file=file, column=key, hint=f"{hint}, from {least:g} to {most:g}"
+            )
+    if FAHRENHEIT[0] <= (reference := dataset.conditions.reference_temperature) <= FAHRENHEIT[1]:
+        text = f"reference_temperature is taken as {reference:g} degC; where it is in degrees Fahrenheit, convert it"
+        warn_of(file, text)
+    for name, size in zip(POSITION, np.median(np.abs(dataset.position), axis=0), strict=True):
+        if size > FARTHEST:
+            what, hint = f"half of the positions are {size:.2g} m away or farther", "give metres"
+            raise DatasetError(what, file=dataset.file, column=name, hint=hint)
+    if len(dataset) > 1 and not np.ptp(dataset.q, axis=0).any():
+        hint = "calibration needs poses all over the workspace"
+        raise DatasetError("all poses have the same commands", file=dataset.place(0)[0], column="q1", hint=hint)
+
+
+def _bounded(dataset: Dataset) -> Iterator[Bound]:
+    for coordinate in dataset.instrument.station or ():
+        yield "instrument.station", coordinate, (-STATION, STATION), "where the instrument stands, m"
+    hint = "the temperature at which the geometry holds, degC (subtract 273.15 from kelvin)"
+    yield "conditions.reference_temperature", dataset.conditions.reference_temperature, TEMPERATURE, hint
+    for kind, value in dataset.tolerance.items():
+        yield f"tolerance.{kind}", value, TOLERANCE, "1 sigma in m, rad or m/m"
+    for i, table in enumerate(dataset.readings.tables):
+        for name, unit in (("sigma", "m or rad"), ("position_sigma", "m"), ("orientation_sigma", "rad")):
+            sigma = getattr(table, name, None)
+            if sigma is not None:
+                like = {"m": "micrometres", "rad": "microradians"}.get(unit, "micrometres or microradians")
+                looks = f" (it looks like {like})" if sigma > SIGMA[1] else ""
+                key = f"instrument.{f'{i}.' * bool(table.name)}{name}"
+                yield key, sigma, SIGMA, f"1 sigma per axis in {unit}{looks}"

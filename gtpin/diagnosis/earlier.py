@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.checks.prepared import check_actuators, known_noise, prepared, with_positions
-from gtpin.calibration.checks.readable_readings import check_sockets
-from gtpin.calibration.checks.usable_rows import plausible_rows
+from gtpin.calibration.checks.before_fit import plausible_rows
+from gtpin.calibration.checks.instruments import check_sockets
+from gtpin.calibration.checks.prepared import known_noise, prepared, with_positions
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data import Dataset, check_commands, without_whole_turns
 from gtpin.data.duplicates import counted_once
-from gtpin.data.sane import check_extremes, sane_rows
+from gtpin.data.plausible import check_actuators, check_extremes, sane_rows
 from gtpin.diagnosis.design import Design, Observed
 from gtpin.diagnosis.hypothesis import Hypothesis
 from gtpin.diagnosis.priors import PRIORS
@@ -287,13 +287,11 @@ def _usable_readings(dataset: Dataset, model: Model) -> tuple[Dataset, Readings]
     """As :func:`usable`, one row for each reading. Their noise must be declared: a check has too few to estimate it."""
     robot = model.robot
     check_extremes(dataset)
-    dataset = without_whole_turns(
-        dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute
-    )
+    dataset = without_whole_turns(dataset, robot)
     dataset = counted_once(with_positions(dataset, robot))
     check_sockets(dataset, robot)
     whole = single(dataset, robot)
-    check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    check_commands(dataset, robot)
     kept = whole.take(sane_rows(whole) & whole.readings.countable)
     reached = model.kinematics.forward(kept.q).reached
     if not reached.all():

@@ -15,7 +15,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
-from gtpin.data.sane import sane_rows
+from gtpin.data.plausible import sane_rows
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.errors import DatasetError
 from gtpin.instruments.readings import Readings, single

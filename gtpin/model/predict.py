@@ -20,10 +20,8 @@ def predict(model: Model, commands: Commands) -> Poses:
     can't be reached; the message names its row. Warns: names effects that are extrapolated, and where they were fitted.
     """
     robot = model.robot
-    commands = without_whole_turns(
-        commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute
-    )
-    check_commands(commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    commands = without_whole_turns(commands, robot)
+    check_commands(commands, robot)
     outside = np.flatnonzero(model.geometry.outside(commands.q))
     if outside.size:
         raise ModelError(

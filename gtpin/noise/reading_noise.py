@@ -33,7 +33,7 @@ class ReadingNoise:
     - ``row_sigma``: (N, c) sigma that a row declares for a number; NaN where it declares none.
     - ``estimated``: (G,) whether the group's sigma was estimated from the data.
     - ``repeatability``: standard deviation with which every actuator returns to a command, m or rad.
-    - ``sight``: (N, 3) unit vectors from a lone tracker to what it measures; None where its station is not known.
+    - ``sight``: (N, 3) unit vectors from a single tracker to what it measures; None where its station is not known.
     - ``reach``: (N,) distance from there, divided by the mean distance; None where ``sight`` is None.
     - ``range_ratio``: noise along the line of sight divided by noise across it, at the mean distance. A position's sigma is
       then the root mean square over the axes at this distance.
@@ -57,18 +57,18 @@ class ReadingNoise:
         return replace(self, group=other.group, row_sigma=other.row_sigma, sight=other.sight, reach=other.reach)
 
     def towards(self, position: Floats, station: Floats) -> ReadingNoise:
-        """The same noise of a lone tracker that stands at ``station`` (3,) and measures positions (N, 3), m, in its frame."""
+        """The same noise of a single tracker that stands at ``station`` (3,) and measures positions (N, 3), m, in its frame."""
         sight, reach = line_of_sight(position, station)
         return replace(self, sight=sight, reach=reach)
 
     @property
     def position_sigma(self) -> float:
-        """Noise of a lone tracker's positions, per axis, m; of other instruments the first sigma."""
+        """Noise of a single tracker's positions, per axis, m; of other instruments the first sigma."""
         return float(self.sigma[0])
 
     @property
     def orientation_sigma(self) -> float:
-        """Noise of a lone tracker's orientations, per axis, rad; a usual one where they were not measured."""
+        """Noise of a single tracker's orientations, per axis, rad; a usual one where they were not measured."""
         return float(self.sigma[1]) if len(self.sigma) > 1 else USUAL_TURN
 
     @property

@@ -15,7 +15,7 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.calibration.checks.usable_rows import check_moved
+from gtpin.calibration.checks.before_fit import check_moved
 from gtpin.data import Dataset, InstrumentSection
 from gtpin.effects import OperatingPoints
 from gtpin.effects.catalogue import effects_by_id
@@ -168,7 +168,7 @@ def measured(
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:these poses do not tell where the target")
+@pytest.mark.filterwarnings("ignore:these poses do not determine where the target")
 @pytest.mark.parametrize("frame", ["robot", "free"])
 @pytest.mark.parametrize("robot", [ROBOT, TURNING], ids=["ur5", "one joint"])
 def test_the_order_of_quaternions_is_recognised_with_a_free_target(
@@ -181,7 +181,7 @@ def test_the_order_of_quaternions_is_recognised_with_a_free_target(
             gtpin.calibrate(replace(data, orientation=data.orientation[:, columns]), robot)
         assert refused.value.column == "qw qx qy qz"
     about_one_axis = frame == "free" and robot is not ROBOT  # then the place along it and around it is not determined
-    with pytest.warns(GtpinWarning, match="do not tell where the target") if about_one_axis else nullcontext():
+    with pytest.warns(GtpinWarning, match="do not determine where the target") if about_one_axis else nullcontext():
         as_named = gtpin.calibrate(data, robot)
     assert as_named.chi2_per_dof < 2.0
 

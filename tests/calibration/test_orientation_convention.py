@@ -1,6 +1,7 @@
 """Orientations of one convention that were converted as another's are refused; those that are right never are."""
 
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.calibration.checks.readings import misread
+from gtpin.calibration.checks.readings import BY_AXIS, Angles
 from gtpin.errors import DatasetError
 
 
@@ -86,9 +87,8 @@ def test_effects_are_no_convention(robot, declared):
 
 def test_every_reading_by_axes_is_undone_by_its_reverse():
     rotation = Rotation.from_rotvec(np.random.default_rng(5).normal(0, 0.3, (40, 3)))
-    readings = {(reading.meant, reading.taken): reading for reading in misread() if reading.by_axis}
-    for (meant, taken), reading in readings.items():
-        there = Rotation.from_matrix(reading.read(rotation))
-        again = Rotation.from_matrix(readings[taken, meant].read(there))
+    for meant, taken in permutations(BY_AXIS, 2):
+        there = Rotation.from_matrix(Angles.of(rotation, taken).read(meant, by_axis=True))
+        again = Rotation.from_matrix(Angles.of(there, meant).read(taken, by_axis=True))
         assert (again * rotation.inv()).magnitude() == pytest.approx(0.0, abs=1e-6)
         assert (there * rotation.inv()).magnitude().max() > 1e-3

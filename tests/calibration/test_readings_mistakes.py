@@ -13,7 +13,7 @@ from virtual_gantry import draw
 from virtual_instruments import Seen, bed, camera, cup, laser, level, read, wire
 
 import gtpin
-from gtpin.calibration.checks.readable_readings import Misfit, check_fitted
+from gtpin.calibration.checks.instruments import Misfit, check_fitted
 from gtpin.calibration.problem import with_unknowns
 from gtpin.data.duplicates import counted_once
 from gtpin.errors import DatasetError, GtpinError

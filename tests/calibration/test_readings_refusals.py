@@ -14,7 +14,7 @@ from virtual_gantry import Gantry, draw
 from virtual_instruments import Seen, bed, cup, laser, level, read, wire
 
 import gtpin
-from gtpin.calibration.checks.readable_readings import check_sockets
+from gtpin.calibration.checks.instruments import check_sockets
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning
 
 MACHINE = draw(np.random.default_rng(7))

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.bench.simulator import simulate
-from gtpin.calibration.checks.readings import orders
+from gtpin.calibration.checks.readings import order_looks
 from gtpin.calibration.checks.recognise import recognised
 from gtpin.calibration.problem import measured_poses
 from gtpin.errors import DatasetError, GtpinWarning
@@ -197,8 +197,7 @@ def test_quaternions_in_any_other_order_are_recognised(frame, order):
     ("order", "told"), [("xyzw", "w were under qz"), ("xwyz", "w were under qx"), ("zxyw", "w were under qz")]
 )
 def test_where_the_scalar_stands_is_told(order, told):
-    looks = next(reading.looks for reading in orders() if reading.order == order)
-    assert looks.endswith(f"as if {told}")
+    assert order_looks(order).endswith(f"as if {told}")
 
 
 @pytest.mark.slow

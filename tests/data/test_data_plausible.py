@@ -1,6 +1,6 @@
 """Commands that can't be of the robot that they name are told apart from commands that are merely bad."""
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -20,13 +20,22 @@ NAMES = ("cart1", "cart2", "turn")
 LOWER, UPPER, REVOLUTE = np.array([-0.6, -0.6, -0.8]), np.array([0.6, 0.6, 0.8]), np.array([False, False, True])
 
 
+@dataclass(frozen=True)
+class Drives:
+    name: str = "the robot"
+    sites: tuple[str, ...] = NAMES
+    lower: np.ndarray = field(default_factory=LOWER.copy)
+    upper: np.ndarray = field(default_factory=UPPER.copy)
+    revolute: np.ndarray = field(default_factory=REVOLUTE.copy)
+
+
 def measured():
     q = np.random.default_rng(1).uniform(LOWER, UPPER, (N, 3))
     return Dataset("r", [f"p{i}" for i in range(N)], q, np.zeros((N, 3)))
 
 
 def check(dataset):
-    check_commands(dataset, names=NAMES, lower=LOWER, upper=UPPER, revolute=REVOLUTE)
+    check_commands(dataset, Drives())
 
 
 def with_q(dataset, row, column, value):
@@ -78,12 +87,12 @@ def test_commands_a_little_outside_are_named_and_kept():
 def test_commands_at_the_very_ends_of_the_range_are_inside_and_without_an_end_all_are():
     check(with_q(with_q(measured(), 0, 0, -0.6), 1, 0, 0.6))
     upper = np.array([0.6, 0.6, np.inf])
-    check_commands(with_q(measured(), 0, 2, 1e3), names=NAMES, lower=-upper, upper=upper, revolute=REVOLUTE)
+    check_commands(with_q(measured(), 0, 2, 1e3), Drives(lower=-upper, upper=upper))
 
 
 def check_robot(robot: gtpin.Robot, q: np.ndarray) -> None:
     commands = Commands([str(i) for i in range(len(q))], q)
-    check_commands(commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    check_commands(commands, robot)
 
 
 @pytest.mark.parametrize("name", ["ur5", "kinova", "xarm7", "double_pendulum_continuous"])
@@ -106,16 +115,14 @@ def test_a_joint_without_limits_may_turn_several_times_and_often() -> None:
 
 
 def test_commands_for_fewer_joints_say_how_to_name_those_that_were_commanded() -> None:
-    with pytest.raises(
-        DatasetError, match=r"7 columns of commands, but the robot has 8 actuators.*actuators = \[...\]"
-    ):
+    with pytest.raises(DatasetError, match=r"7 commands a pose, but panda has 8 actuators.*actuators = \[...\]"):
         check_robot(load_robot("panda"), np.zeros((5, 7)))
 
 
 def turned(q: np.ndarray, **limits: float) -> np.ndarray:
     low, high = limits.get("low", -1.9), limits.get("high", 1.9)
     rows = Commands([str(i) for i in range(len(q))], q[:, None])
-    return without_whole_turns(rows, names=["j"], lower=[low], upper=[high], revolute=[True]).q[:, 0]
+    return without_whole_turns(rows, Drives("arm", ("j",), np.array([low]), np.array([high]), np.array([True]))).q[:, 0]
 
 
 @pytest.mark.parametrize(("low", "high"), [(-1.9, 1.9), (-2.24, 2.24), (-3.1, 3.1), (-1.0, 3.0), (-4.0, 1.0)])

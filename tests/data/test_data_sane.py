@@ -9,7 +9,7 @@ import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.data import Conditions, Dataset, InstrumentSection
 from gtpin.data.duplicates import POSITION_STEPS, coarsest_step, counted_once, with_rounding
-from gtpin.data.sane import check_extremes, sane_rows
+from gtpin.data.plausible import check_extremes, sane_rows
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning
 
 N = 60

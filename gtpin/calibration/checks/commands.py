@@ -17,29 +17,13 @@ from itertools import chain, combinations, product
 
 import numpy as np
 
+from gtpin.calibration.checks import limits
 from gtpin.calibration.checks.readings import UNITS
 from gtpin.calibration.problem import Measured
 from gtpin.data.names import command_names
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.rotations import log
 from gtpin.typing import Floats, Mask
-
-ROWS, MORE_ROWS = 30, 50
-"""Number of rows with which starts are compared, and refined. Assumed: frame, target and two zeros are 14 numbers of 90."""
-GRID = 2.0 * np.pi * np.arange(8) / 8.0
-"""Zeros, rad, from which joints that turn start. Assumed: half a step is 22 degrees, from which the steps below converge."""
-POLISHED, REFINED = 300, 40
-"""Number of starts that get a few rough steps, and of those, the ones with the smallest misfit, that are refined. Assumed."""
-ROUGH, ROUNDS = 3, 10
-"""Number of alternating fits of frame and target for the starts, and in a refinement. Assumed."""
-STEPS, STEP, RIDGE = 8, 1e-5, 1e-9
-"""Number of Gauss-Newton steps; change of a zero, m or rad, for their derivatives; and the ridge, relative to the trace."""
-FAR = 10.0
-"""Distance from the middle of the positions, in medians, from which a row is a gross error. Assumed."""
-LEAST, TINY = 1e-9, 1e-30
-"""Smallest misfit, m, that weights of rows are made with; and a number that keeps normal equations of no effect regular."""
-REACHED = 0.75
-"""Share of the rows that the nominal model must reach when commands are read in another way. Assumed."""
 
 
 @dataclass(frozen=True)
@@ -166,11 +150,13 @@ class CommandSearch:
         if not starts:  # several mistakes of one drive
             return
         some, zeros = [reading for reading, _ in starts], np.stack([z for _, z in starts])
-        few = self._few(ROWS)
-        misfits = _misfits(self._residuals(few, np.stack([reading.matrix for reading in some]), zeros, ROUGH))
+        few = self._few(limits.START_ROWS)
+        misfits = _misfits(
+            self._residuals(few, np.stack([reading.matrix for reading in some]), zeros, limits.ROUGH_ALIGNMENTS)
+        )
         for rows, keep, steps, rounds in (
-            (few, POLISHED, ROUGH, ROUGH),
-            (self._few(MORE_ROWS), REFINED, STEPS, ROUNDS),
+            (few, limits.POLISHED, limits.ROUGH_ALIGNMENTS, limits.ROUGH_ALIGNMENTS),
+            (self._few(limits.REFINED_ROWS), limits.REFINED, limits.ZERO_STEPS, limits.ALIGNMENTS),
         ):
             best = [k for k in np.argsort(misfits)[:keep] if np.isfinite(misfits[k])]
             if not best:
@@ -185,7 +171,9 @@ class CommandSearch:
 
     def _grid(self, reading: CommandReading) -> Iterator[Floats]:
         revolute = self.kinematics.robot.revolute
-        grids = [GRID if revolute[j] and not self.kinematics.loops.count else np.zeros(1) for j in reading.zeros]
+        grids = [
+            limits.ZEROS if revolute[j] and not self.kinematics.loops.count else np.zeros(1) for j in reading.zeros
+        ]
         for values in product(*grids):
             z = np.zeros(len(revolute))
             z[list(reading.zeros)] = values
@@ -207,18 +195,18 @@ class CommandSearch:
         poses = self.kinematics.forward(q.reshape(-1, q.shape[2]))
         p, turned = poses.T.reshape(len(q), -1, 3), poses.R.reshape(len(q), -1, 3, 3)
         reached = np.isfinite(p[..., 0])
-        good = reached.mean(axis=1) > REACHED
+        good = reached.mean(axis=1) > limits.REACHED
         reached = reached[good]
         p, turned = np.nan_to_num(p[good]), np.where(reached[..., None, None], turned[good], np.eye(3))
         far = np.linalg.norm(T - np.median(T, axis=0), axis=1)
-        weight = (reached & (far <= FAR * np.median(far)))[..., None].astype(float)
+        weight = (reached & (far <= limits.GROSS * np.median(far)))[..., None].astype(float)
         F, f, t = np.broadcast_to(np.eye(3), (len(p), 3, 3)), np.zeros((len(p), 1, 3)), np.zeros((len(p), 1, 3))
         for _ in range(rounds):
             weight = weight / weight.sum(axis=1, keepdims=True)
             at = p + (turned @ t[..., None])[..., 0]
             if self.free_frame:
                 middle, seen = (weight * at).sum(axis=1, keepdims=True), (weight * T).sum(axis=1, keepdims=True)
-                F = _nearest(np.swapaxes(weight * (T - seen), 1, 2) @ (at - middle))
+                F = nearest(np.swapaxes(weight * (T - seen), 1, 2) @ (at - middle))
                 f = seen - middle @ np.swapaxes(F, 1, 2)
             if self.free_target:
                 aside = (np.swapaxes(turned, 2, 3) @ ((T - f) @ F - p)[..., None])[..., 0]
@@ -228,11 +216,11 @@ class CommandSearch:
             off = np.linalg.norm(r, axis=2, keepdims=True)
             off = np.where(reached[..., None], off, np.nan)
             weight = np.nan_to_num(
-                1.0 / np.maximum(off / np.maximum(np.nanmedian(off, axis=1, keepdims=True), LEAST), 1.0)
+                1.0 / np.maximum(off / np.maximum(np.nanmedian(off, axis=1, keepdims=True), limits.LEAST_MISFIT), 1.0)
             )
         if R is not None:
             seen = F[:, None] @ turned
-            X = _nearest((np.swapaxes(seen, 2, 3) @ R).sum(axis=1))[:, None] if self.free_target else np.eye(3)
+            X = nearest((np.swapaxes(seen, 2, 3) @ R).sum(axis=1))[:, None] if self.free_target else np.eye(3)
             r = np.concatenate([r, self.size * log(R @ np.swapaxes(seen @ X, 2, 3))], axis=2)
         found = np.full((len(q), *r.shape[1:]), np.nan)
         found[good] = np.where(reached[..., None], r, np.nan)
@@ -253,16 +241,20 @@ class CommandSearch:
             misfit = _misfits(r)
             better = misfit < least
             best, least = np.where(better[:, None], z, best), np.where(better, misfit, least)
-            changes = [self._residuals(measured, matrices, z + STEP * way, rounds) - r for way in ways]
+            changes = [self._residuals(measured, matrices, z + limits.ZERO_STEP * way, rounds) - r for way in ways]
             if not changes:  # no zeros
                 break
             off = np.linalg.norm(r, axis=2, keepdims=True)
-            weight = np.sqrt(1.0 / np.maximum(off / np.maximum(misfit[:, None, None], LEAST), 1.0))
+            weight = np.sqrt(1.0 / np.maximum(off / np.maximum(misfit[:, None, None], limits.LEAST_MISFIT), 1.0))
             J = np.nan_to_num(np.stack(changes, axis=3) * weight[..., None]).reshape(len(z), -1, len(ways))
             y = np.nan_to_num(r * weight).reshape(len(z), -1, 1)
             normal = np.swapaxes(J, 1, 2) @ J
-            normal += (RIDGE * np.trace(normal, axis1=1, axis2=2)[:, None, None] + TINY) * np.eye(len(ways))
-            z = z - STEP * np.einsum("kin,ik->in", ways, np.linalg.solve(normal, np.swapaxes(J, 1, 2) @ y)[:, :, 0])
+            normal += (limits.RIDGE * np.trace(normal, axis1=1, axis2=2)[:, None, None] + limits.TINY) * np.eye(
+                len(ways)
+            )
+            z = z - limits.ZERO_STEP * np.einsum(
+                "kin,ik->in", ways, np.linalg.solve(normal, np.swapaxes(J, 1, 2) @ y)[:, :, 0]
+            )
         turns = 2.0 * np.pi * np.round(best / (2.0 * np.pi))
         return least, np.where(self.kinematics.robot.revolute, best - turns, best)
 
@@ -274,7 +266,7 @@ def _misfits(residuals: Floats) -> Floats:
     return np.where(none, np.inf, np.nanmedian(np.where(none[:, None], 0.0, off), axis=1))
 
 
-def _nearest(matrices: Floats) -> Floats:
+def nearest(matrices: Floats) -> Floats:
     """(K, 3, 3) the rotations that are nearest to matrices."""
     U, _, Vt = np.linalg.svd(matrices)
     U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]

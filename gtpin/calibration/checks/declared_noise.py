@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from gtpin.calibration.checks import limits
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data.read_instruments import SIGMAS as COLUMNS
@@ -20,25 +21,6 @@ from gtpin.noise.estimate import ENOUGH
 Sigma = Literal["position_sigma", "orientation_sigma"]
 SIGMAS: tuple[tuple[Sigma, slice], ...] = (("position_sigma", slice(0, 3)), ("orientation_sigma", slice(3, 6)))
 """Keys of a tracker's noise, and the components of a pose that each is of."""
-SUSPECT = 0.7
-"""Root mean square of the residuals over the declared sigma below which the noise is estimated for comparison. Assumed: it
-only saves a second fit in clear cases."""
-TWICE = 2.0
-"""Declared noise over the noise that the data show from which the declared value is not used. Assumed: data
-sheets give limits of two standard deviations as often as one, and less than that changes no verdict."""
-OVERSTATED = 10.0
-"""Declared noise over the noise that the data show from which the data are refused: no data sheet overstates the noise so much.
-Assumed."""
-NO_NOISE = 0.01
-"""Noise, m or rad, above that of any instrument for robots: residuals of this size are not noise. Assumed."""
-CHANCE = 1e-3
-"""Probability, by chi-square, of residuals as small as these under the declared noise, below which the declared value is not
-used. Assumed."""
-UNITS = {
-    "m": ((250.0, 4e3, "millimetres"), (2.5e5, 4e6, "micrometres")),
-    "rad": ((25.0, 150.0, "degrees"), (250.0, 4e3, "milliradians"), (2.5e5, 4e6, "microradians")),
-}
-"""Ratios (a factor of four to either side of a unit's own, less for degrees) and the unit that they look like."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +57,8 @@ def settled_or_explained(fit: RobustFit) -> FitState:
             raise error from None
         for one in declared:
             seen = _shown(again, one)
-            if one.value * OVERSTATED < seen:
-                if seen > NO_NOISE:
+            if one.value * limits.NOISE_OVERSTATED < seen:
+                if seen > limits.NO_NOISE:
                     raise error from None
                 raise _error(readings, one, seen) from None
         raise
@@ -100,9 +82,9 @@ def with_credible_noise(fit: RobustFit, settled: FitState) -> tuple[RobustFit, F
     undeclared = _undeclared(fit, suspects)
     again = undeclared.run()
     seen = {one.group: _shown(again, one) for one in suspects}
-    wrong = [one for one in suspects if one.value > TWICE * seen[one.group]]
+    wrong = [one for one in suspects if one.value > limits.NOISE_TWICE * seen[one.group]]
     for one in sorted(wrong, key=lambda one: seen[one.group] / one.value):
-        if one.value > OVERSTATED * seen[one.group]:
+        if one.value > limits.NOISE_OVERSTATED * seen[one.group]:
             raise _error(readings, one, seen[one.group])
         warn(f"{_text(readings, one, seen[one.group])}: the data's own is used")
     if not wrong:
@@ -164,7 +146,7 @@ def _overstated(settled: FitState, one: Declared) -> bool:
     own = (readings.group == one.group) & (np.isfinite(readings.row_sigma) == one.by_row)
     sigma = readings.row_sigma[own] if one.by_row else one.value
     residual = fit.problem.raw_residual(fit.point, fit.point.poses)[own] / sigma
-    if not residual.size or (residual**2).mean() >= SUSPECT**2:
+    if not residual.size or (residual**2).mean() >= limits.NOISE_SUSPECT**2:
         return False
     effective_parameters = 0.0
     for rows in fit.problem.chunks():
@@ -172,7 +154,9 @@ def _overstated(settled: FitState, one: Declared) -> bool:
         leverage = np.einsum("nci,ij,ncj->nc", J, fit.covariance, J, optimize=True)
         effective_parameters += float(leverage[readings.group[rows] == one.group].sum())
     free = residual.size - effective_parameters
-    return free >= 1.0 and bool(chi2.cdf(float((residual**2).sum()), free) < CHANCE)  # too few say nothing of noise
+    return free >= 1.0 and bool(
+        chi2.cdf(float((residual**2).sum()), free) < limits.NOISE_CHANCE
+    )  # too few say nothing of noise
 
 
 def _text(readings: Readings, one: Declared, seen: float) -> str:
@@ -185,7 +169,10 @@ def _text(readings: Readings, one: Declared, seen: float) -> str:
 def _error(readings: Readings, one: Declared, seen: float) -> DatasetError:
     """The error of a sigma that is more than ten times too large or too small; a unit that it looks like is named."""
     file = readings.rows.files[one.instrument]
-    what, lines = "columns" if one.by_row else "line", UNITS["rad" if readings.group_turns[one.group] else "m"]
+    what, lines = (
+        "columns" if one.by_row else "line",
+        limits.NOISE_UNITS["rad" if readings.group_turns[one.group] else "m"],
+    )
     like = next((unit for low, high, unit in lines if low <= one.value / seen <= high), "")
     hint = f"{f'it looks like {like}: ' if like else ''}give metres and radians, or leave the {what} out"
     column = one.key

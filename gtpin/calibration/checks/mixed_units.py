@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from gtpin.calibration.checks import limits
+from gtpin.calibration.checks.commands import nearest
 from gtpin.calibration.checks.readings import UNITS
 from gtpin.calibration.checks.suspected import suspect
 from gtpin.calibration.problem import Measured, rough_frame
@@ -11,19 +13,6 @@ from gtpin.data import Dataset
 from gtpin.errors import DatasetError
 from gtpin.kinematics.poses import Poses
 from gtpin.typing import Floats, Mask
-
-FITS, ALLOWED = 0.1, 5e-3
-"""Share of the workspace's size, and error of a machine, m, up to which a row fits: see :mod:`.recognise`."""
-BETTER = 4.0
-"""Factor by which another unit must bring a row nearer to the nominal model. Assumed."""
-FEWEST, SHARE = 6, 0.1
-"""Rows, and share of all rows, below which a part in one unit is left to the search for gross errors. Assumed."""
-REST = 0.75
-"""Share of the other rows that must fit in metres. Assumed."""
-ENOUGH = 300
-"""Rows, evenly over the file, that are enough to guess a free frame."""
-TRIPLES = 400
-"""Sets of three rows that a free frame is guessed from: of two units in equal parts, every eighth is in metres alone."""
 
 
 def check_mixed_units(dataset: Dataset, poses: Poses) -> None:
@@ -53,17 +42,20 @@ def check_mixed_units(dataset: Dataset, poses: Poses) -> None:
 
 def _part(T: Floats, poses: Poses, free: bool) -> tuple[Mask, str, float, float, float] | None:
     """The rows in another unit, its name, its length in metres, and the rows' median errors, m, as metres and in it."""
-    least = max(FEWEST, int(np.ceil(SHARE * len(T))))
+    least = max(limits.FEWEST_ROWS, int(np.ceil(limits.MIXED_SHARE * len(T))))
     if len(T) < 2 * least:
         return None
-    near = FITS * float(np.median(np.linalg.norm(poses.T - np.median(poses.T, axis=0), axis=1))) + ALLOWED
+    near = (
+        limits.ACCEPTED * float(np.median(np.linalg.norm(poses.T - np.median(poses.T, axis=0), axis=1)))
+        + limits.ALLOWED
+    )
     seen = _seen(T, poses, near) if free else poses.T
     off = _off(T, seen)
     fits = off[0] <= near
     tried = zip(UNITS, off[1:], strict=True)
     for (unit, factor), left in sorted(tried, key=lambda pair: -int((pair[1] <= near).sum())):
-        rows = (left <= near) & (off[0] > BETTER * left)
-        if least <= rows.sum() <= len(T) - least and fits[~rows].mean() >= REST:
+        rows = (left <= near) & (off[0] > limits.BETTER * left)
+        if least <= rows.sum() <= len(T) - least and fits[~rows].mean() >= limits.MIXED_REST:
             return rows, unit, factor, float(np.median(off[0][rows])), float(np.median(left[rows]))
     return None
 
@@ -75,20 +67,18 @@ def _off(T: Floats, seen: Floats) -> Floats:
 
 def _seen(T: Floats, poses: Poses, near: float) -> Floats:
     """(N, 3) where a free instrument should see the poses, by the frame in which most rows fit in some unit."""
-    some = np.linspace(0, len(T) - 1, min(len(T), ENOUGH)).astype(int)
+    some = np.linspace(0, len(T) - 1, min(len(T), limits.MIXED_ROWS)).astype(int)
     everywhere, T, poses = poses, T[some], poses[some]
     rng = np.random.default_rng(0)
-    rows = np.argsort(rng.random((TRIPLES, len(T))), axis=1)[:, :3]
+    rows = np.argsort(rng.random((limits.TRIPLES, len(T))), axis=1)[:, :3]
     a, b = poses.T[rows], T[rows]
     centre_a, centre_b = a.mean(axis=1), b.mean(axis=1)
-    U, _, Vt = np.linalg.svd(np.einsum("kni,knj->kij", b - centre_b[:, None], a - centre_a[:, None]))
-    U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
-    R = U @ Vt
-    shift = centre_b - np.einsum("kij,kj->ki", R, centre_a)
-    tried = [_off(T, poses.T @ R[k].T + shift[k]) for k in range(TRIPLES)]
+    R = nearest(np.swapaxes(b - centre_b[:, None], 1, 2) @ (a - centre_a[:, None]))
+    shift = centre_b - (R @ centre_a[..., None])[..., 0]
+    tried = [_off(T, poses.T @ R[k].T + shift[k]) for k in range(limits.TRIPLES)]
     off = max(tried, key=lambda off: (int((off.min(axis=0) <= near).sum()), -float(np.median(off.min(axis=0)))))
     good = off[0] <= near
-    if good.sum() < FEWEST:  # no frame
+    if good.sum() < limits.FEWEST_ROWS:  # no frame
         return np.full_like(everywhere.T, np.inf)
     # Three rows determine a frame roughly; all rows that fit in it determine it well.
     frame = rough_frame(poses[good], Measured(np.zeros((int(good.sum()), 0)), T[good], None))

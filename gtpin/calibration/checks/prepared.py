@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from gtpin.calibration.checks import limits
 from gtpin.data import Dataset, without_whole_turns
 from gtpin.data.duplicates import counted_once
 from gtpin.data.files import warn_of
-from gtpin.data.sane import check_extremes
+from gtpin.data.plausible import check_extremes
 from gtpin.errors import DatasetError
 from gtpin.kinematics.rotations import log
 from gtpin.model.measured_robot import robot_of
@@ -17,24 +18,6 @@ from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
-
-SAME = 1e-12
-"""1 less the cosine of half the angle, some 3 microradians, up to which orientations count as the same."""
-TURNS = 1e-5
-"""Angle, rad, by which the nominal orientation must change; less is rounding error of a robot that keeps its orientation."""
-
-
-def check_actuators(robot: Chain, dataset: Dataset) -> None:
-    """Check that a dataset has a command for each actuator of its robot.
-
-    Raises `DatasetError` if the number of its commands is not the number of actuators.
-    """
-    given, needed = dataset.n_actuators, robot.n_actuators
-    if given != needed:
-        what = f"{given} command{'s'[: given != 1]} a pose, but {robot.name} has {needed} actuator{'s'[: needed != 1]}"
-        hint = f"give {'q1' if needed == 1 else f'q1 .. q{needed}'} ({', '.join(robot.sites)})"
-        hint += ", or name those that were commanded: actuators = [...]" if given < needed else ""
-        raise DatasetError(what, file=dataset.file, hint=hint)
 
 
 def prepared(dataset: Dataset, nominal: Model) -> Dataset:
@@ -44,18 +27,14 @@ def prepared(dataset: Dataset, nominal: Model) -> Dataset:
     """
     check_extremes(dataset)
     robot = nominal.robot
-    dataset = without_whole_turns(
-        dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute
-    )
+    dataset = without_whole_turns(dataset, robot)
     dataset = counted_once(with_positions(dataset, robot))
     wxyz = dataset.orientation
-    if wxyz is None or len(wxyz) < 2 or (1.0 - np.abs(wxyz @ wxyz[0]) >= SAME).any():
-        return dataset
-    if dataset.n_actuators != robot.n_actuators:
+    if wxyz is None or len(wxyz) < 2 or (1.0 - np.abs(wxyz @ wxyz[0]) >= limits.SAME_TURN).any():
         return dataset
     poses = nominal.kinematics.forward(dataset.q)
     R = poses.R[poses.reached]
-    if len(R) < 2 or float(np.linalg.norm(log(R @ R[0].T), axis=1).max()) <= TURNS:
+    if len(R) < 2 or float(np.linalg.norm(log(R @ R[0].T), axis=1).max()) <= limits.TURNS:
         return dataset
     text = "the orientation is the same in every row, though the robot turns: not measured; positions are used alone"
     warn_of(dataset.file, text)

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from gtpin.calibration.checks import limits
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.problem import FRAME_UNIT, Point, Problem
 from gtpin.kinematics.rotations import frame_motions
@@ -22,18 +23,6 @@ from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
 What = Literal["frame", "zero", "part", "tolerances"]
-
-SCALES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
-"""Sizes that are tried: of a frame's shift and turn and of a zero in mm and mrad."""
-FACTORS = (2.0, 3.0, 5.0, 10.0, 20.0, 50.0)
-"""Factors that are tried on tolerances."""
-STRAINED = 7.0
-"""Gain in log marginal likelihood, nats, from which an assumption is wrong: ln(1,000) rounded up. For each assumption and size
-it occurs by chance in at most 1 of 1,000 machines, because the mean of a Bayes factor is 1 where the assumption is right."""
-FAR = 3.0
-"""Deviation of a parameter, in units of its tolerance, above which the deviation becomes its tolerance. Assumed."""
-NO_PRIOR = 1e6
-"""Prior variance, mm^2 and mrad^2, of a frame that is already free in the fit: so large that the prior has no influence."""
 
 
 @dataclass(frozen=True)
@@ -55,17 +44,17 @@ class PriorConflict:
     turn: float = 0.0
 
 
-def strain(settled: FitState) -> PriorConflict | None:
+def prior_conflict(settled: FitState) -> PriorConflict | None:
     """The assumption that a fitted geometry contradicts; None where the geometry agrees with its tolerances."""
     found = max(_Linear.of(settled).suspects(), key=lambda s: s.gain)
-    return found if found.gain > STRAINED else None
+    return found if found.gain > limits.CONFLICT else None
 
 
-def relieved(settled: FitState, found: PriorConflict) -> Geometry:
+def with_wider_tolerances(settled: FitState, found: PriorConflict) -> Geometry:
     """The nominal geometry with tolerances that are wide enough for the deviations of the fitted geometry."""
     x = np.abs(settled.deviation)
     whole = found.size if found.what == "tolerances" else 1.0
-    return settled.geometry.with_tolerances(np.maximum(whole, np.where(x > FAR, x, 1.0)))
+    return settled.geometry.with_tolerances(np.maximum(whole, np.where(x > limits.WIDENED, x, 1.0)))
 
 
 @dataclass(frozen=True)
@@ -86,7 +75,7 @@ class _Linear:
         for rows in problem.chunks():
             weight = np.sqrt(fit.weight[rows])
             own = problem.jacobian(fit.point, rows)[:, :, :p] / wider
-            J = np.concatenate([own, motions(problem, fit.point, rows)], axis=2)
+            J = np.concatenate([own, _motions(problem, fit.point, rows)], axis=2)
             flat = (J * weight[:, None, None]).reshape(-1, J.shape[2])
             y = (fit.residual[rows] * weight[:, None]).ravel() + flat[:, :p] @ settled.deviation
             whole += flat.T @ flat
@@ -101,11 +90,11 @@ class _Linear:
         prior = np.zeros(len(self.b))
         prior[:p] = 1.0
         if problem.free_frame:
-            prior[p : p + 6] = NO_PRIOR
+            prior[p : p + 6] = limits.NO_PRIOR
         base, place = self._evidence(prior), np.arange(len(prior))
         if not problem.free_frame:
             own = (place >= p) & (place < p + 6)
-            tried = [np.where(own, size**2, prior) for size in SCALES]
+            tried = [np.where(own, size**2, prior) for size in limits.SCALES]
             gains = [self._evidence(variance) for variance in tried]
             best = int(np.argmax(gains))
             s = np.sqrt(tried[best])
@@ -113,15 +102,15 @@ class _Linear:
             shift = mean[own] * FRAME_UNIT
             size, turn = (float(np.linalg.norm(part)) for part in (shift[:3], shift[3:]))
             yield PriorConflict("frame", "frame", gains[best] - base, size, turn)
-        zeros = self._alone(prior, slice(p + 6, None), SCALES)
+        zeros = self._alone(prior, slice(p + 6, None), limits.SCALES)
         for site, gain, mean in zip(problem.start.geometry.robot.sites, *zeros, strict=True):
             yield PriorConflict("zero", site, float(gain), float(mean) * FRAME_UNIT)
-        parts = self._alone(prior, slice(len(names)), FACTORS)
+        parts = self._alone(prior, slice(len(names)), limits.FACTORS)
         for name, gain, mean in zip(names, *parts, strict=True):
             yield PriorConflict("part", name, float(gain), float(mean))
-        gains = [self._evidence(np.where(place < p, f**2, prior)) for f in FACTORS]
+        gains = [self._evidence(np.where(place < p, f**2, prior)) for f in limits.FACTORS]
         best = int(np.argmax(gains))
-        yield PriorConflict("tolerances", "", gains[best] - base, FACTORS[best])
+        yield PriorConflict("tolerances", "", gains[best] - base, limits.FACTORS[best])
 
     def _alone(self, prior: Floats, own: slice, sizes: tuple[float, ...]) -> tuple[Floats, Floats]:
         """For some unknowns, each with its variance alone larger: largest gain in log marginal likelihood, and the mean."""
@@ -157,7 +146,7 @@ class _Linear:
         return np.asarray(root), 2.0 * float(np.log(np.diag(lower)).sum())
 
 
-def motions(problem: Problem, point: Point, rows: slice) -> Floats:
+def _motions(problem: Problem, point: Point, rows: slice) -> Floats:
     """(M, c, 6 + n) whitened motions, per mm and mrad: of the frame about the middle of the poses, and of actuators' zeros."""
     model, poses = point.model, point.poses[rows]
     T = model.in_instrument_frame(poses).T

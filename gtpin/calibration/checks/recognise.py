@@ -9,93 +9,37 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gtpin.calibration.checks import limits
 from gtpin.calibration.checks.commands import CommandReading, CommandSearch, one_mistake, several_mistakes
-from gtpin.calibration.checks.readings import (
-    Orientations,
-    RotationReading,
-    misread,
-    orders,
-    orientation_readings,
-    position_readings,
-)
+from gtpin.calibration.checks.readings import Reading, Rotations, misread, position_readings, rotation_readings
 from gtpin.calibration.free_target import without_target
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data.names import ORIENTATION
-from gtpin.instruments.frame_and_target import Placement, frame_and_target, nearest
+from gtpin.instruments.frame_and_target import frame_and_target, nearest
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log
 from gtpin.model.model import Frame, Model
 from gtpin.typing import Floats
 
-ROWS = 100
-"""Number of rows that are used: medians of more rows are not much more certain. Assumed."""
-FEWEST = 6
-"""Number of rows below which a free frame fits almost any data."""
-FITS = 0.1
-"""Share of the workspace's size up to which data fit without a correction. The mistakes below move poses by about the whole
-size. Machines within the tolerances of the shipped robots stay below 0.08, except those of stewart_jugglebot."""
-ALLOWED = 5e-3
-"""Error of a machine, m, that is always accepted, even in a small workspace. Assumed."""
-BETTER = 4.0
-"""Factor by which another reading must bring the data nearer to the nominal model. Assumed."""
-FAR_BETTER = 10.0
-"""Factor by which a reading with more mistakes must be nearer than one with fewer, and a reading be nearer after a fit has
-failed. Assumed: a wrong geometry, frame or target takes up some part of a mistake, and not nine tenths of it."""
-AS_GOOD, CLOSE = 1.5, 0.02
-"""A reading with fewer mistakes is preferred where its misfit is at most `AS_GOOD` times the smallest one plus `CLOSE` times
-the workspace's size. Assumed."""
-STRAYED = 3.0
-"""Misfit, in expected errors of the nominal model, above which frame, commands and target are doubted. Assumed."""
-LINE = 0.1
-"""Ratio of a workspace's width to its length below which positions do not determine a rotation about its length. Assumed."""
-REACHED = 0.75
-"""Share of the rows that the nominal model must reach when commands are read in another way. Assumed."""
-MOVED = 1e-9
-"""Distance, m, from which a target is not at the TCP."""
-MOST_NAMED = 3
-"""Largest number of readings that are named where several fit equally well."""
-
-_MIRROR = np.array([-1.0, 1.0, 1.0])
 _ELSEWHERE = ("the instrument looks to stand elsewhere than in the base frame", 'set frame = "free" under [instrument]')
 
 
 @dataclass(frozen=True)
-class Interpretation:
+class Interpretation(Reading):
     """A way to read the data, as they are or with mistakes corrected.
 
     - ``columns``: the columns that have the mistake.
-    - ``looks``, ``hint``: message texts: what they look like, and what the user should do; empty without a mistake.
-    - ``mistakes``: number of mistakes that are corrected.
-    - ``measured``, ``poses``: the measured poses, read in this way, and those that the nominal model predicts of the
-      target, base frame.
+    - ``measured``, ``poses``: the measured poses of the TCP, or of a free target, read in this way, and the TCP's poses that
+      the nominal model predicts, base frame.
+    - ``misfit``: median distance of the measured poses from the predicted ones, m.
     - ``elsewhere``: whether the instrument is assumed to stand elsewhere, though it is not declared free.
-    - ``free_target``: whether the target's place is unknown, so that ``poses`` are those of the TCP.
     """
 
     columns: str
-    looks: str
-    hint: str
-    mistakes: int
     measured: Measured
     poses: Poses
+    misfit: float
     elsewhere: bool = False
-    free_target: bool = False
-
-    def corrected(self, nominal: Model, free_frame: bool) -> Measured:
-        """The measured poses of the TCP, or of a free target, without the mistakes: ``poses`` may be those of a target at
-        another place."""
-        if self.free_target:
-            return self.measured
-        q, T, R = self.measured.q, self.measured.T, self.measured.R
-        tcp = nominal.kinematics.forward(q)
-        if not tcp.reached.all():
-            return self.measured
-        aside = self.poses.T - tcp.T
-        if np.abs(aside).max(initial=0.0) > MOVED:
-            T = T - aside @ _frame(self.poses, self.measured, free_frame).R.T
-        if R is not None:
-            R = R @ np.swapaxes(self.poses.R, 1, 2) @ tcp.R
-        return Measured(q, T, R)
 
 
 def recognised(
@@ -112,37 +56,37 @@ def recognised(
     ``poses``: (N) poses of the nominal model at the measured commands, base frame; NaN where it can't reach. ``free``,
     ``free_target``: whether the instrument's pose, and the target's place on the platform, are declared unknown.
     """
-    some = np.linspace(0, len(poses) - 1, min(len(poses), ROWS)).astype(int)
+    some = np.linspace(0, len(poses) - 1, min(len(poses), limits.SEARCH_ROWS)).astype(int)
     search = Search(nominal, measured.take(some), poses[some], free, free_target, failed)
     if search.size == 0.0 or (search.misfit <= search.accepted and not failed):
         return None
-    enough = min(search.misfit / FAR_BETTER, search.accepted)
-    most = enough if failed else min(search.misfit / BETTER, search.accepted)
-    tried = [(misfit, reading) for misfit, reading in search.tried(min(enough, search.expected)) if misfit <= most]
+    enough = min(search.misfit / limits.FAR_BETTER, search.accepted)
+    most = enough if failed else min(search.misfit / limits.BETTER, search.accepted)
+    tried = [reading for reading in search.tried(min(enough, search.expected)) if reading.misfit <= most]
     if not tried:
         return None
     # A misfit like that of correct data is enough: readings with free numbers, of a frame or a rotation, always fit better.
     # But none of these leaves a tenth of it.
-    least = min(misfit for misfit, _ in tried)
-    alike = max(AS_GOOD * least + CLOSE * search.size, min(search.fits, FAR_BETTER * least))
-    good = [(misfit, reading) for misfit, reading in tried if misfit <= alike]
-    fewest = min(reading.mistakes for _, reading in good)
-    chosen = [t for t in good if t[1].mistakes == fewest]
+    least = min(reading.misfit for reading in tried)
+    alike = max(limits.AS_GOOD * least + limits.CLOSE * search.size, min(search.fits, limits.FAR_BETTER * least))
+    good = [reading for reading in tried if reading.misfit <= alike]
+    fewest = min(reading.mistakes for reading in good)
+    chosen = [reading for reading in good if reading.mistakes == fewest]
     # Of readings that fit equally well none is preferred: all are named, the usual ones first.
-    best, first = min(chosen, key=lambda t: t[0])
+    best = min(chosen, key=lambda reading: reading.misfit)
     # The workspace is that of the best reading: commands in another unit predict poses kilometres away.
-    size = float(np.sqrt(((first.poses.T - first.poses.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
-    close = max(AS_GOOD * best, min(search.fits, FITS * size + ALLOWED, FAR_BETTER * best))
-    named = [reading for misfit, reading in chosen if misfit <= close]
+    accepted = limits.ACCEPTED * _size(best.poses) + limits.ALLOWED
+    close = max(limits.AS_GOOD * best.misfit, min(search.fits, accepted, limits.FAR_BETTER * best.misfit))
+    named = [reading for reading in chosen if reading.misfit <= close]
     looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in named), strict=True))
-    return replace(named[0], looks=looks, hint=hints, mistakes=fewest)
+    return replace(named[0], looks=looks, hint=hints)
 
 
 def either(words: Iterable[str]) -> str:
     """A list of possibilities as text; it says so where only the first ones are named."""
     different = list(dict.fromkeys(words))
-    more = ["something alike"] * (len(different) > MOST_NAMED)
-    return "; or ".join(different[:MOST_NAMED] + more)
+    more = ["something alike"] * (len(different) > limits.MOST_NAMED)
+    return "; or ".join(different[: limits.MOST_NAMED] + more)
 
 
 def expected_errors(nominal: Model, q: Floats, poses: Poses) -> tuple[float, float]:
@@ -174,21 +118,26 @@ class Search:
     @cached_property
     def size(self) -> float:
         """Size of the workspace that was measured, m: the root mean square distance of poses from their middle."""
-        if len(self.all.T) < FEWEST:
+        if len(self.all.T) < limits.FEWEST_ROWS:
             return 0.0
         if self.lost:
             return float(np.median(np.linalg.norm(self.all.T - np.median(self.all.T, axis=0), axis=1)))
-        return float(np.sqrt(((self.poses.T - self.poses.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
+        return _size(self.poses)
+
+    @cached_property
+    def _misread(self) -> list[Rotations]:
+        """Rotations whose numbers were converted by another convention."""
+        return [] if self.rotation is None else list(misread(self.rotation))
 
     @property
     def lost(self) -> bool:
         """Whether the model reaches too few of the commands to compare anything with it."""
-        return self.reached <= 1.0 - REACHED or len(self.poses) < FEWEST
+        return self.reached <= 1.0 - limits.REACHED or len(self.poses) < limits.FEWEST_ROWS
 
     @property
     def fits(self) -> float:
         """Misfit, m, up to which data fit without a correction."""
-        return FITS * self.size + ALLOWED
+        return limits.ACCEPTED * self.size + limits.ALLOWED
 
     @cached_property
     def misfit(self) -> float:
@@ -199,13 +148,13 @@ class Search:
     def _line(self) -> bool:
         """Whether the poses are so nearly on a line that positions do not determine the rotation of a frame."""
         spread = np.linalg.svd(self.poses.T - self.poses.T.mean(axis=0), compute_uv=False)
-        return bool(spread[1] < LINE * spread[0])
+        return bool(spread[1] < limits.LINE * spread[0])
 
     @cached_property
     def expected(self) -> float:
         """Median error of the nominal model, m, that its tolerances let expect."""
         if self.lost:
-            return FITS * self.size
+            return limits.ACCEPTED * self.size
         T, R = expected_errors(self.nominal, self.measured.q, self.poses)
         return float(np.hypot(T, self.size * R if self.rotation is not None else 0.0))
 
@@ -215,62 +164,61 @@ class Search:
         return self.fits + min(self.expected, 0.5 * self.size)
 
     @property
-    def strayed(self) -> bool:
+    def far(self) -> bool:
         """Whether a fit has failed, or the misfit is larger than the tolerances explain.
 
         Within the tolerances, a geometry looks much like another frame.
         """
-        return self.failed or self.misfit > self.fits + STRAYED * self.expected
+        return self.failed or self.misfit > self.fits + limits.BEYOND_EXPECTED * self.expected
 
-    def tried(self, enough: float) -> Iterator[tuple[float, Interpretation]]:
-        """All readings that can be compared with the model, each after its misfit, m.
+    def tried(self, enough: float) -> Iterator[Interpretation]:
+        """All readings that can be compared with the model.
 
         Readings with several mistakes in the commands are tried where no other one leaves less than ``enough``, m.
         """
-        revolute = self.nominal.robot.revolute
         found = list(self._in_frame(self.free))
         yield from found
         # Another frame is tried after those: geometry within its tolerances moves poses in a similar way. A target at another
         # place is tried last: where the platform rotates little, it moves poses as another frame does.
-        others: list[tuple[float, Interpretation]] = []
-        if self.strayed and not self.free and all(m > self.fits or r.mistakes > 1 for m, r in found):
-            others += self._in_frame(True)
-            others += (self._tried(reading, True) for reading in self._targets(True))
-        if self.strayed:
-            others += (self._tried(reading, self.free) for reading in self._targets(self.free))
+        others: list[Interpretation] = []
+        if self.far and not self.free and all(r.misfit > self.fits or r.mistakes > 1 for r in found):
+            others += [*self._in_frame(True), *self._targets(True)]
+        if self.far:
+            others += self._targets(self.free)
         yield from others
         if self.nominal.kinematics.loops.count:  # whose zeros have no grid, and whose poses take a hundred times longer
             return
         for turned in dict.fromkeys((self.free, True)):
-            if all(m > enough for m, r in (*found, *others)):
-                several = self._commands(several_mistakes(revolute), turned)
-                others += (self._named(misfit, reading, turned) for misfit, reading in several)
-                yield from others
+            if all(r.misfit > enough for r in (*found, *others)):
+                several = list(self._commands(several_mistakes(self.nominal.robot.revolute), turned))
+                others += several
+                yield from several
 
-    def _in_frame(self, turned: bool) -> Iterator[tuple[float, Interpretation]]:
-        measured = [self._tried(reading, turned) for reading in self._measurements(turned)]
+    def _in_frame(self, turned: bool) -> Iterator[Interpretation]:
+        measured = list(self._measurements(turned))
         yield from measured
         # Where the orientations alone must be read otherwise, the positions show that the commands are right.
-        if any(misfit <= self.accepted and reading.columns == " ".join(ORIENTATION) for misfit, reading in measured):
-            return
-        for misfit, reading in self._commands(one_mistake(self.nominal.robot.revolute), turned):
-            yield self._named(misfit, reading, turned)
+        if not any(r.misfit <= self.accepted and r.columns == " ".join(ORIENTATION) for r in measured):
+            yield from self._commands(one_mistake(self.nominal.robot.revolute), turned)
 
-    def _tried(self, reading: Interpretation, turned: bool) -> tuple[float, Interpretation]:
-        return self._named(self._misfit(reading.measured, reading.poses, turned), reading, turned)
-
-    def _named(self, misfit: float, reading: Interpretation, turned: bool) -> tuple[float, Interpretation]:
-        """A reading with its misfit, and with the mistake of another frame than the declared one."""
-        reading = replace(reading, free_target=self.free_target)
-        if turned and not self.free:
-            looks, hint = (
-                f"{b}, and {a}" if a else b for a, b in zip((reading.looks, reading.hint), _ELSEWHERE, strict=True)
-            )
-            columns = reading.columns if reading.looks else "x y z"
-            reading = replace(
-                reading, columns=columns, looks=looks, hint=hint, mistakes=reading.mistakes + 1, elsewhere=True
-            )
-        return (misfit if reading.looks else np.inf), reading
+    def _read(
+        self,
+        reading: tuple[str, str, str, int],
+        measured: Measured,
+        poses: Poses,
+        turned: bool,
+        misfit: float | None = None,
+    ) -> Interpretation:
+        """A reading (columns, looks, hint, mistakes) with its misfit, and with the mistake of another frame than declared."""
+        columns, looks, hint, mistakes = reading
+        misfit = self._misfit(measured, poses, turned) if misfit is None else misfit
+        elsewhere = turned and not self.free
+        if elsewhere:
+            columns = columns if looks else "x y z"
+            looks, hint = (f"{b}, and {a}" if a else b for a, b in zip((looks, hint), _ELSEWHERE, strict=True))
+        return Interpretation(
+            looks, hint, mistakes + elsewhere, columns, measured, poses, misfit if looks else np.inf, elsewhere
+        )
 
     def _measurements(self, turned: bool) -> Iterator[Interpretation]:
         """Readings of the measured poses: ways to read positions that come near the model, each with all ways to read
@@ -278,40 +226,35 @@ class Search:
         q, poses, rotation = self.measured.q, self.poses, self.rotation
         if self.lost:
             return
-        near = min(self.misfit / BETTER, self.accepted)
-        for positions in position_readings(turned=turned):
-            T = self.measured.T @ positions.matrix.T
-            if self._misfit(Measured(q, T, None), poses, turned) > near:
-                continue
-            columns = "x y z" if positions.looks else "qw qx qy qz"
-            if rotation is None:
-                if turned and positions.mirrored and (np.diag(positions.axes) != _MIRROR).any():
-                    continue  # positions alone do not show which axis is reversed
-                yield Interpretation(columns, *positions.words(turned), positions.mistakes, Measured(q, T, None), poses)
-                continue
+        near = min(self.misfit / limits.BETTER, self.accepted)
+        for p in position_readings(turned=turned, alone=rotation is None):
+            T = self.measured.T @ p.matrix.T
             seen = self._seen(poses, Measured(q, T, None), turned)
-            plain, conjugate, *others = orientation_readings(positions, turned=turned)
-            rotations: list[RotationReading] = [plain, conjugate, *orders(), *others, *misread()]
-            if self.free_tool:  # other axes of the target are a free target
-                rotations = [o for o in rotations if not (isinstance(o, Orientations) and o.of_target)]
-            for o in rotations:
-                R = o.read(rotation)
-                mount = nearest((np.swapaxes(seen.R, 1, 2) @ R).sum(axis=0)) if self.free_target else np.eye(3)
-                # Where positions determine the frame, orientations are compared in it.
-                if not self._line and self.size * _apart(R, seen.R @ mount) > near + CLOSE * self.size:
+            if float(np.median(np.linalg.norm(T - seen.T, axis=1))) > near:
+                continue
+            columns = "x y z" if p.looks else "qw qx qy qz"
+            if rotation is None:
+                yield self._read((columns, p.looks, p.hint, p.mistakes), Measured(q, T, None), poses, turned)
+                continue
+            for o in (*rotation_readings(rotation, p.axes, turned=turned), *self._misread):
+                if self.free_tool and o.of_target:  # other axes of the target are a free target
                     continue
-                pairs = (positions.looks, o.looks), (positions.hint, o.hint)
-                looks, hint = (", and ".join(words for words in pair if words) for pair in pairs)
-                yield Interpretation(columns, looks, hint, positions.mistakes + o.mistakes, Measured(q, T, R), poses)
+                mount = nearest((np.swapaxes(seen.R, 1, 2) @ o.R).sum(axis=0)) if self.free_target else np.eye(3)
+                # Where positions determine the frame, orientations are compared in it.
+                if not self._line and self.size * _apart(o.R, seen.R @ mount) > near + limits.CLOSE * self.size:
+                    continue
+                looks, hint = (", and ".join(filter(None, pair)) for pair in ((p.looks, o.looks), (p.hint, o.hint)))
+                read = columns, looks, hint, p.mistakes + o.mistakes
+                yield self._read(read, Measured(q, T, o.R), poses, turned)
         if rotation is not None:
             inverse = Measured(q, -rotation.inv().apply(self.measured.T), rotation.inv().as_matrix())
             what = "the poses look inverted (the instrument in the target's frame)"
-            yield Interpretation("x y z qw qx qy qz", what, "give the inverse of each", 1, inverse, poses)
+            yield self._read(("x y z qw qx qy qz", what, "give the inverse of each", 1), inverse, poses, turned)
 
-    def _commands(self, readings: Iterable[CommandReading], turned: bool) -> Iterator[tuple[float, Interpretation]]:
+    def _commands(self, readings: Iterable[CommandReading], turned: bool) -> Iterator[Interpretation]:
         """Readings of the commands, with zeros of drives that are fitted to what was measured."""
         # For poses that are close together, other commands look like a geometry within its tolerances.
-        if not self.strayed:
+        if not self.far:
             return
         kinematics = self.nominal.kinematics
         search = CommandSearch(kinematics, self.all, self.size, turned, self.free_target)
@@ -319,61 +262,56 @@ class Search:
             q = self.all.q @ reading.matrix.T + z
             poses = kinematics.forward(q)
             there = poses.reached
-            read = replace(self.all, q=q).take(there)
-            words = reading.words(z, kinematics.robot.revolute)
-            yield misfit, Interpretation(reading.columns, *words, reading.mistakes, read, poses[there])
+            read = reading.columns, *reading.words(z, kinematics.robot.revolute), reading.mistakes
+            yield self._read(read, replace(self.all, q=q).take(there), poses[there], turned, misfit)
 
     def _targets(self, turned: bool) -> Iterator[Interpretation]:
         """Readings by which the target is not at the TCP on the platform: displaced, rotated, or both."""
         if self.lost or self.free_target:
             return
+        q, T, R = self.measured.q, self.measured.T, self.measured.R
         if self.free_tool:
-            place = frame_and_target(self.poses, self.measured.T, self.measured.R, free_frame=turned)
-            there = Poses(self.poses.T + self.poses.R @ place.at, self.poses.R @ place.mount)
+            place = frame_and_target(self.poses, T, R, free_frame=turned)
             looks = f"the target looks to sit at {_metres(place.at)} m in the TCP's frame"
-            if self.measured.R is not None:
+            if R is not None:
                 looks += f", turned by the rotation vector {_degrees(place.mount)} degrees"
-            yield Interpretation("x y z", looks, 'set target = "free" under [instrument]', 1, self.measured, there)
+            tcp = Measured(q, T - self.poses.R @ place.at @ place.turn.T, None if R is None else R @ place.mount.T)
+            yield self._read(("x y z", looks, 'set target = "free" under [instrument]', 1), tcp, self.poses, turned)
             return
-        seen = self._seen(self.poses, Measured(self.measured.q, self.measured.T, None), turned)
-        aside = np.median(np.einsum("nji,nj->ni", seen.R, self.measured.T - seen.T), axis=0)
-        there = Poses(self.poses.T + self.poses.R @ aside, self.poses.R)
+        seen = self._seen(self.poses, Measured(q, T, None), turned)
+        aside = np.median(np.einsum("nji,nj->ni", seen.R, T - seen.T), axis=0)
+        shifted = T - seen.R @ aside
         at = f"the target looks to sit at {_metres(aside)} m in the TCP's frame"
         if not turned:
-            yield Interpretation("x y z", at, "move the URDF's tcp link there", 1, self.measured, there)
-        if self.measured.R is None:
+            read = "x y z", at, "move the URDF's tcp link there", 1
+            yield self._read(read, Measured(q, shifted, R), self.poses, turned)
+        if R is None:
             return
-        turn = _middle(np.swapaxes(seen.R, 1, 2) @ self.measured.R)
+        turn = _middle(np.swapaxes(seen.R, 1, 2) @ R)
         way = f"the target looks turned by the rotation vector {_degrees(turn)} degrees in the TCP's frame"
-        turned_poses = Poses(self.poses.T, self.poses.R @ turn)
-        yield Interpretation("qw qx qy qz", way, "turn the URDF's tcp link so", 2, self.measured, turned_poses)
+        read = "qw qx qy qz", way, "turn the URDF's tcp link so", 2
+        yield self._read(read, Measured(q, T, R @ turn.T), self.poses, turned)
         if not turned:
-            both, what = Poses(there.T, there.R @ turn), f"{at}, and {way}"
-            yield Interpretation("x y z qw qx qy qz", what, "move and turn the URDF's tcp link", 3, self.measured, both)
+            read = "x y z qw qx qy qz", f"{at}, and {way}", "move and turn the URDF's tcp link", 3
+            yield self._read(read, Measured(q, shifted, R @ turn.T), self.poses, turned)
 
     def _misfit(self, measured: Measured, poses: Poses, turned: bool) -> float:
         """Median distance of what was measured from what is predicted, m, in the frame that fits best if ``turned``."""
         seen = self._seen(poses, measured, turned)
         off = float(np.median(np.linalg.norm(measured.T - seen.T, axis=1)))
-        if measured.R is None:
-            return off
-        return float(np.hypot(off, self.size * _apart(measured.R, seen.R)))
+        return off if measured.R is None else float(np.hypot(off, self.size * _apart(measured.R, seen.R)))
 
     def _seen(self, poses: Poses, measured: Measured, turned: bool) -> Poses:
         """What is predicted of the TCP or a free target, instrument's frame, in the frame that fits best if ``turned``."""
-        return self._place(poses, measured, turned).moved(poses)
-
-    def _place(self, poses: Poses, measured: Measured, turned: bool) -> Placement:
-        """The frame that fits best if ``turned``, and the place of a free target that fits best."""
         if self.free_target:
-            return frame_and_target(poses, measured.T, measured.R, free_frame=turned, rough=True)
-        frame = _frame(poses, measured, turned)
-        return Placement.at_tcp(frame.T, frame.R)
+            return frame_and_target(poses, measured.T, measured.R, free_frame=turned, rough=True).moved(poses)
+        frame = rough_frame(poses, measured) if turned else Frame()
+        return poses.moved(frame.T, frame.R)
 
 
-def _frame(poses: Poses, measured: Measured, turned: bool) -> Frame:
-    """The frame in which the poses fit best what was measured, or the base frame."""
-    return rough_frame(poses, measured) if turned else Frame()
+def _size(poses: Poses) -> float:
+    """Root mean square distance of poses from their middle, m."""
+    return float(np.sqrt(((poses.T - poses.T.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
 def _metres(at: Floats) -> str:

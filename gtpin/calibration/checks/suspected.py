@@ -11,43 +11,17 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from gtpin.calibration.checks import limits
 from gtpin.data import Dataset
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.typing import Floats
 
 Size = tuple[float, float]
 """Robust standard deviation of what a fit leaves: of positions, m, and of rotations, rad; 0 where there are none."""
-
 UNCERTAIN = "(not certain"
 """Beginning of what follows a suspicion in a warning."""
 NO_FIT: Size = (np.inf, np.inf)
 """Size of the residuals of a fit that fails."""
-UNFIT = 10.0
-"""Residuals, in units of the noise, from which data do not fit. Assumed."""
-FITS = 3.0
-"""Residuals, in units of the noise, up to which data fit. Assumed: effects that are not fitted make some of them."""
-FAR_LOWER = 10.0
-"""Factor by which a correction lowers residuals that only a mistake can make so much smaller. Assumed."""
-BEYOND: Size = (1e-2, 2e-2)
-"""Residuals of a fit, m and rad, that no effect of the catalogue leaves. Assumed. There `LOWER` is enough."""
-LOWER = 4.0
-"""The same factor for residuals `BEYOND` all effects. Assumed."""
-EXACT, ABOVE = 1.1, 2.0
-"""Residuals, in units of the declared noise, up to which a correction fits exactly, and above which data do not fit before it.
-Assumed: an effect has another pattern than a convention of rotations, so that more would be left."""
-MISFIT = 10.0
-"""Size of a fit's residuals, in units of the noise, from which there is a warning. Assumed."""
-STRAYED = 6.0
-"""Deviation of a parameter from nominal, in units of its tolerance, and of an unknown from what is declared, in prior sigmas,
-from which there is a warning. Assumed."""
-NAMED = 5
-"""Largest number of parameters that a warning names."""
-NO_BETTER = 0.8
-"""Share of the residuals that a correction leaves, from which it is no suspicion. Assumed."""
-PLAUSIBLE: Size = (1e-4, 3e-4)
-"""Noise of a usual instrument, m and rad, where none is declared. Assumed."""
-SMALLEST: Size = (1e-6, 1e-6)
-"""Smallest noise, m and rad."""
 
 
 def suspect(error: DatasetError, dataset: Dataset, before: Size, after: Size, *, exact: bool = False) -> None:
@@ -60,14 +34,26 @@ def suspect(error: DatasetError, dataset: Dataset, before: Size, after: Size, *,
     Raises `DatasetError` if the data can't be fitted as they are, and can with the mistake corrected; not for trusted data.
     Warns: otherwise, if the correction makes the residuals smaller.
     """
-    now, then = _ratios(dataset, before, after)
-    beyond = any(size > most for size, most in zip(before, BEYOND, strict=True))
-    certain = now > UNFIT and np.isfinite(then) and then <= max(FITS, now / (LOWER if beyond else FAR_LOWER))
-    if not dataset.trusted and (certain or (exact and _exactly(dataset, before, after))):
+    known = (dataset.instrument.position_sigma, dataset.instrument.orientation_sigma)
+    noise = [
+        min(usual, max(left, least)) if sigma is None else sigma
+        for sigma, usual, left, least in zip(known, limits.USUAL_NOISE, after, limits.LEAST_NOISE, strict=True)
+    ]
+    now, then = (max(size / sigma for size, sigma in zip(sizes, noise, strict=True)) for sizes in (before, after))
+    beyond = any(size > most for size, most in zip(before, limits.NO_EFFECT, strict=True))
+    certain = (
+        now > limits.UNFIT
+        and np.isfinite(then)
+        and then <= max(limits.FITTED, now / (limits.LOWER if beyond else limits.FAR_LOWER))
+    )
+    if exact and not certain:
+        seen = [(b / s, a / s) if s else (0.0, np.inf) for b, a, s in zip(before, after, known, strict=True) if b > 0.0]
+        certain = all(left <= limits.EXACT for _, left in seen) and any(size > limits.ABOVE for size, _ in seen)
+    if certain and not dataset.trusted:
         raise error
     left = ""
     if np.isfinite(before).all():
-        if then > NO_BETTER * now:
+        if then > limits.NO_BETTER * now:
             return
         left = f": a fit leaves {_sizes(before)} of the data as they are, {_sizes(after)} if it is so"
     warn(f"{error} {UNCERTAIN}, so that the data are used as they are{left})")
@@ -94,30 +80,11 @@ def refuse(error: DatasetError, dataset: Dataset) -> None:
 
 
 def far_from_declared(values: Floats, names: Sequence[str]) -> str:
-    """Names and values of the deviations, in prior sigmas, that are larger than `STRAYED`, the farthest first; or nothing."""
-    far = np.flatnonzero(np.abs(values) > STRAYED)
+    """Names and values of the deviations, in prior sigmas, above `limits.FAR_FROM_PRIOR`, the farthest first; or nothing."""
+    far = np.flatnonzero(np.abs(values) > limits.FAR_FROM_PRIOR)
     order = far[np.argsort(-np.abs(values[far]))]
-    more = f" and {len(order) - NAMED} more" if len(order) > NAMED else ""
-    return ", ".join(f"{names[i]} ({values[i]:+.0f})" for i in order[:NAMED]) + more
-
-
-def _ratios(dataset: Dataset, before: Size, after: Size) -> tuple[float, float]:
-    """The larger of the two residuals in units of the noise, as the data are and with the mistake corrected."""
-    declared = (dataset.instrument.position_sigma, dataset.instrument.orientation_sigma)
-    noise = [
-        min(usual, max(left, least)) if sigma is None else sigma
-        for sigma, usual, left, least in zip(declared, PLAUSIBLE, after, SMALLEST, strict=True)
-    ]
-    now, then = (max(size / sigma for size, sigma in zip(sizes, noise, strict=True)) for sizes in (before, after))
-    return now, then
-
-
-def _exactly(dataset: Dataset, before: Size, after: Size) -> bool:
-    """Whether residuals have exactly the declared noise once a mistake is corrected, and more as they are."""
-    known = (dataset.instrument.position_sigma, dataset.instrument.orientation_sigma)
-    seen = [(now, then, sigma) for now, then, sigma in zip(before, after, known, strict=True) if now > 0.0]
-    exact = all(sigma is not None and then <= EXACT * sigma for _, then, sigma in seen)
-    return exact and any(sigma is not None and now > ABOVE * sigma for now, _, sigma in seen)
+    more = f" and {len(order) - limits.NAMED} more" if len(order) > limits.NAMED else ""
+    return ", ".join(f"{names[i]} ({values[i]:+.0f})" for i in order[: limits.NAMED]) + more
 
 
 def _sizes(sizes: Size) -> str:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.calibration.checks.prepared import check_actuators, known_noise, prepared
-from gtpin.calibration.checks.usable_rows import plausible_rows
+from gtpin.calibration.checks.before_fit import plausible_rows
+from gtpin.calibration.checks.prepared import known_noise, prepared
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
 from gtpin.data.duplicates import copies
-from gtpin.data.sane import sane_rows
+from gtpin.data.plausible import check_actuators, sane_rows
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.operating_points import OperatingPoints

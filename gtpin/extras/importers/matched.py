@@ -25,10 +25,8 @@ def in_range(commands: Commands, robot: Chain) -> Commands:
 
     Raises `DatasetError` for a command that is far outside the range, with the unit that it looks like.
     """
-    commands = without_whole_turns(
-        commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute
-    )
-    check_commands(commands, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    commands = without_whole_turns(commands, robot)
+    check_commands(commands, robot)
     return commands
 
 

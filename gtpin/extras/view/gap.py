@@ -134,10 +134,8 @@ def _checked(model: Model, dataset: Dataset) -> Dataset:
     robot = model.robot
     if dataset.instrument.frame == "free" and model.frame.is_base:
         raise ModelError("the instrument stood elsewhere, and this model does not know where", hint=CALIBRATED)
-    dataset = without_whole_turns(
-        dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute
-    )
-    check_commands(dataset, names=robot.sites, lower=robot.lower, upper=robot.upper, revolute=robot.revolute)
+    dataset = without_whole_turns(dataset, robot)
+    check_commands(dataset, robot)
     return dataset
 
 

@@ -1,8 +1,7 @@
-"""Sequences of rows with the commands of others, or during which the instrument had moved.
+"""Rows with the commands of others, or measured after the instrument had moved: in a sequence of rows, or between sessions.
 
 A large motion shows against the nominal machine. A smaller one is searched for after the fit as steps of the frame along the
-rows, in the order of the file and of time, by the computation of :mod:`gtpin.calibration.checks.prior_conflict`: a motion from
-some row on, and back from a later one.
+rows, in the order of the file and of time, or between sessions.
 """
 
 from __future__ import annotations
@@ -12,48 +11,25 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from gtpin.calibration.checks.prior_conflict import motions
-from gtpin.calibration.checks.suspected import Size, suspect
-from gtpin.calibration.problem import Measured, Point, Problem, rough_frame
+from gtpin.calibration.checks import limits
+from gtpin.calibration.checks.recognise import expected_errors
+from gtpin.calibration.checks.suspected import refuse, suspect
+from gtpin.calibration.problem import FRAME_UNIT, Measured, Point, Problem, measured_poses, problem_of, rough_frame
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
+from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import frame_motions
+from gtpin.model.model import Model
 from gtpin.noise.estimate import ENOUGH
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats, Indices, Mask
 
-FEWEST = 8
-"""Fewest rows of a stretch, a sequence of rows. Assumed: eight consecutive rows with large errors are not due to chance."""
-SHARE = 0.1
-"""Share of rows with large errors from which a stretch is searched for: the largest share that scattered gross errors have."""
-WITHIN = 0.6
-"""Smallest share of a stretch's rows that have large errors, and of all rows with large errors that are in it."""
-MENDED = 0.1
-"""Largest share of a stretch's error that remains after the correction. Assumed: a neighbour's command or a moved frame
-explains the whole error or nothing."""
-OWN = 0.8
-"""Share of a session's rows that must lie in a stretch for the session to be the stretch's own."""
 NEIGHBOURS = ((1, "before"), (-1, "after"))
 """Shifts of the commands, in rows, that are tried, and the row from which each row then has its commands."""
-SIZE = 30.0
-"""Prior standard deviation of a step, mm and mrad; so wide that its value has little influence on the fit. Assumed."""
-GRID = 60
-"""Number of rows that are tried first; then all those near the best one."""
-EDGE = FEWEST
-"""Fewest rows before, between and after steps. A motion has six numbers and fits any one row, so that one large error would
-count as two steps."""
-RATIO = 2.0
-"""Power of the residuals without steps over that with them from which steps are the reason. Assumed: a moved frame
-explains all residuals, other causes only a part."""
-LARGE = 4.0
-"""Size of the step at the median pose, in standard deviations of the remaining residuals, from which data are refused. Assumed:
-smaller steps are left to a diagnosis, which compares them with drift and other causes."""
-AHEAD = 1.2
-"""Ratio of the best alternative's residual power to that of steps, above which steps are the reason. The alternatives are
-motions in proportion to time (to its third power), temperatures, payload or another recorded column that changes slowly.
-Assumed; with 150 poses of six numbers it is a log likelihood ratio of 80 nats."""
 
 
 def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: Mask, *, bumps: bool = True) -> None:
@@ -69,13 +45,13 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
     if part is None:
         return
     first, last = part.start, part.stop - 1
-    off = _off(measured.T, predicted.T)
+    off = np.linalg.norm(measured.T - predicted.T, axis=1)
     usual, before = float(np.nanmedian(off[~far])) if not far.all() else 0.0, float(np.nanmedian(off[part]))
-    mended = max(MENDED * before, 3.0 * usual)
+    mended = max(limits.STRETCH_LEFT * before, 3.0 * usual)
     file, row, rows = dataset.file, int(dataset.row[first]), f"rows {dataset.row[first]} to {dataset.row[last]}"
     for by, neighbour in NEIGHBOURS:
         inner = slice(first + 1, last)  # the ends have no neighbour in the stretch
-        left = float(np.nanmedian(_off(measured.T[inner], np.roll(predicted.T, by, axis=0)[inner])))
+        left = _median_off(measured.T[inner], np.roll(predicted.T, by, axis=0)[inner])
         if left < mended:
             what = f"the commands look one row off in {rows}: what was measured there fits the commands of the row {neighbour}"
             hint = "move the commands of these rows, or export the table anew"
@@ -83,7 +59,7 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
     if not bumps:
         return
     moved = rough_frame(predicted[part], measured.take(part))
-    left = float(np.nanmedian(_off(measured.T[part], predicted[part].moved(moved.T, moved.R).T)))
+    left = _median_off(measured.T[part], predicted[part].moved(moved.T, moved.R).T)
     if left < mended and not own_session(dataset, part):
         what = f"{rows} are {1e3 * before:.3g} mm from where the other rows say, all by the same motion: the instrument was "
         what += "bumped or set up anew"
@@ -94,7 +70,7 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
 def stretch(far: Mask) -> slice | None:
     """The stretch of rows that contains most of the rows with large errors (``far``); None where these are few or scattered."""
     count = int(far.sum())
-    if count < max(FEWEST, SHARE * len(far)):
+    if count < max(limits.STRETCH_ROWS, limits.STRETCH_SHARE * len(far)):
         return None
     # The run of largest sum where a far row counts one and another one takes one away (Kadane).
     best, here, start, found = 0, 0, 0, slice(0, 1)
@@ -105,13 +81,17 @@ def stretch(far: Mask) -> slice | None:
         if here > best:
             best, found = here, slice(start, i + 1)
     inside = far[found]
-    if len(inside) < FEWEST or inside.mean() < WITHIN or inside.sum() < WITHIN * count:
+    if (
+        len(inside) < limits.STRETCH_ROWS
+        or inside.mean() < limits.STRETCH_WITHIN
+        or inside.sum() < limits.STRETCH_WITHIN * count
+    ):
         return None
     return found
 
 
-def _off(one: Floats, two: Floats) -> Floats:
-    return np.asarray(np.linalg.norm(one - two, axis=1))
+def _median_off(one: Floats, other: Floats) -> float:
+    return float(np.nanmedian(np.linalg.norm(one - other, axis=1)))
 
 
 def own_session(dataset: Dataset, rows: Indices | slice) -> bool:
@@ -122,7 +102,7 @@ def own_session(dataset: Dataset, rows: Indices | slice) -> bool:
     inside[rows] = True
     session = np.unique(dataset.covariates["session"], return_inverse=True)[1]
     share = np.bincount(session, inside) / np.bincount(session)
-    return bool(len(share) > 1 and np.median(share[session[inside]]) > OWN)
+    return bool(len(share) > 1 and np.median(share[session[inside]]) > limits.OWN_SESSION)
 
 
 @dataclass(frozen=True)
@@ -133,7 +113,7 @@ class FrameScan:
     - ``J``, ``F``: whitened derivatives by the problem's p unknowns (N, c, p), and by the frame's motion (N, c, 6), mm and
       mrad.
     - ``y``: (N, c) whitened residuals of the nominal geometry.
-    - ``prior``: (p,) 1 for unknowns with a prior, 0 for others.
+    - ``scale``: (p,) prior standard deviation of each unknown.
     - ``lengths``: (N, 3, 6) displacement of the measured positions, m, by the frame's motion, mm and mrad.
     """
 
@@ -141,38 +121,39 @@ class FrameScan:
     J: Floats
     F: Floats
     y: Floats
-    prior: Floats
+    scale: Floats
     lengths: Floats
 
     @staticmethod
     def of(problem: Problem, point: Point, noise: ReadingNoise) -> FrameScan:
-        """Linearise a problem about a point, for all rows."""
-        parts = problem.chunks()
-        J = np.concatenate([problem.jacobian(point, part) for part in parts])
-        F = np.concatenate([motions(problem, point, part)[:, :, :6] for part in parts])
-        y = problem.residual(point) + J @ point.x
-        colour = np.linalg.inv(problem.whitening)
-        plain = replace(noise, repeatability=0.0)
-        again = plain.whitening(np.zeros((len(y), 6, 1)), problem.measured.components) @ colour
-        lengths = colour[:, :3, :] @ F
-        rows = np.arange(len(y))
-        return FrameScan(rows, again @ J, again @ F, np.einsum("nij,nj->ni", again, y), problem.prior, lengths)
+        """Linearise a problem about a point, for all rows; ``noise``: theirs, of which repeatability is not used."""
+        count, c = len(point.poses), problem.measured.components
+        whitening = replace(noise, repeatability=0.0).whitening(np.zeros((count, c, 1)), c)
+        problem = replace(problem, whitening=whitening)
+        J = np.concatenate([problem.jacobian(point, part) for part in problem.chunks()])
+        motion = FRAME_UNIT * frame_motions(point.model.in_instrument_frame(point.poses).T - problem.pivot)
+        y, scale = problem.residual(point) + J @ point.x, np.where(problem.prior > 0.0, 1.0, limits.STEP_SIZE)
+        return FrameScan(np.arange(count), J, whitening @ motion[:, :c], y, scale, motion[:, :3])
 
     def ordered(self, rows: Indices) -> FrameScan:
         """The same for the rows with these indices, in this order."""
-        return FrameScan(rows, self.J[rows], self.F[rows], self.y[rows], self.prior, self.lengths[rows])
+        return FrameScan(rows, self.J[rows], self.F[rows], self.y[rows], self.scale, self.lengths[rows])
 
     def best(self, steps: Sequence[int]) -> int:
         """The next step: together with ``steps`` it leaves the smallest residuals."""
         count = len(self.rows)
-        allowed = [k for k in range(EDGE, count - EDGE + 1) if all(abs(k - step) >= EDGE for step in steps)]
-        coarse = np.unique(np.linspace(0, len(allowed) - 1, GRID).astype(int))
+        allowed = [
+            k
+            for k in range(limits.STRETCH_ROWS, count - limits.STRETCH_ROWS + 1)
+            if all(abs(k - step) >= limits.STRETCH_ROWS for step in steps)
+        ]
+        coarse = np.unique(np.linspace(0, len(allowed) - 1, limits.STEP_GRID).astype(int))
 
         def least(places: list[int]) -> int:
             return places[int(np.argmin(self._lefts(np.array([[*steps, k] for k in places]))))]
 
         place = least([allowed[i] for i in coarse])
-        return least([k for k in allowed if abs(k - place) <= 1 + count // GRID])
+        return least([k for k in allowed if abs(k - place) <= 1 + count // limits.STEP_GRID])
 
     def ratio(self, steps: Sequence[int]) -> float:
         """Sum of squares of the residuals without steps over that with ``steps``."""
@@ -183,19 +164,15 @@ class FrameScan:
         a unit of each column at the median pose, in units of the noise and in m."""
         F = (self.F[:, :, None, :] * columns[:, None, :, None]).reshape(*self.F.shape[:2], -1)
         J = np.concatenate([self.J, F], axis=2).reshape(-1, self.J.shape[2] + F.shape[2])
-        s = np.concatenate([self._scale, np.full(F.shape[2], SIZE)])
+        s = np.concatenate([self.scale, np.full(F.shape[2], limits.STEP_SIZE)])
         b = s * (J.T @ self.y.ravel())
         x = np.linalg.solve(np.eye(len(s)) + s[:, None] * (J.T @ J) * s, b)
-        delta = (s * x)[len(self.prior) :].reshape(-1, 6)
+        delta = (s * x)[len(self.scale) :].reshape(-1, 6)
         noises, metres = (
             np.median(np.linalg.norm(np.einsum("nij,kj->kni", by, delta), axis=2), axis=1)
             for by in (self.F, self.lengths)
         )
         return 0.5 * (float((self.y**2).sum()) - float(b @ x)), noises, metres
-
-    @property
-    def _scale(self) -> Floats:
-        return np.where(self.prior > 0.0, 1.0, SIZE)
 
     @cached_property
     def _sums(self) -> tuple[Floats, Floats, Floats]:
@@ -211,7 +188,7 @@ class FrameScan:
     def _absorbed(self) -> tuple[Floats, Floats]:
         """(N + 1, p, 6) and (p,) what the geometry absorbs of a step before each row, and of the residuals."""
         # L^-1 S J' F and L^-1 S J' y with L L' = I + S J' J S, S the scales: their sums of squares are the power absorbed.
-        s, flat = self._scale, self.J.reshape(-1, self.J.shape[2])
+        s, flat = self.scale, self.J.reshape(-1, self.J.shape[2])
         factor = np.linalg.cholesky(np.eye(len(s)) + s[:, None] * (flat.T @ flat) * s)
         by_step = np.concatenate([*self._sums[0], (self.y.ravel() @ flat)[None]]) * s
         absorbed = solve_triangular(factor, by_step.T, lower=True)
@@ -229,19 +206,16 @@ class FrameScan:
         later = np.maximum(steps[:, :, None], steps[:, None])
         FF = self._sums[1][later].swapaxes(2, 3).reshape(sets, size, size)
         # The scaled normal equations of the steps, after the geometry was fitted.
-        b = SIZE * (self._sums[2][steps].reshape(sets, size) - absorbed_y @ X)
-        inner = np.eye(size) + SIZE**2 * (FF - X.swapaxes(1, 2) @ X)
+        b = limits.STEP_SIZE * (self._sums[2][steps].reshape(sets, size) - absorbed_y @ X)
+        inner = np.eye(size) + limits.STEP_SIZE**2 * (FF - X.swapaxes(1, 2) @ X)
         power = float((self.y**2).sum() - (absorbed_y**2).sum())
         return np.asarray(0.5 * (power - (b * np.linalg.solve(inner, b[..., None])[..., 0]).sum(axis=1)))
 
 
-def nominal_problem(problem: Problem) -> tuple[Problem, ReadingNoise]:
-    """A problem with the declared noise, or the instruments' usual one where none is declared; and this noise."""
-    measured, c = problem.measured, problem.measured.components
-    noise = ReadingNoise(
-        measured.initial_sigma, measured.group, measured.row_sigma, np.zeros(len(measured.initial_sigma), dtype=bool)
-    )
-    return replace(problem, whitening=noise.whitening(np.zeros((len(measured.q), c, 1)), c)), noise
+def initial_noise(measured: Readings) -> ReadingNoise:
+    """The declared noise, or the instruments' usual one where none is declared."""
+    known = np.zeros(len(measured.initial_sigma), dtype=bool)
+    return ReadingNoise(measured.initial_sigma, measured.group, measured.row_sigma, known)
 
 
 def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noise: ReadingNoise) -> None:
@@ -249,12 +223,12 @@ def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noi
 
     ``dataset``, ``noise``: the rows of the problem, and their noise. ``point``: about which the problem is linearised.
     """
-    if len(dataset) < 4 * EDGE:
+    if len(dataset) < 4 * limits.STRETCH_ROWS:
         return
     if len(dataset) > ENOUGH:  # of very many rows, evenly spaced ones are enough
         rows = np.arange(0, len(dataset), 1 + len(dataset) // ENOUGH)
         dataset, noise = dataset.take(rows), noise.take(rows)
-        problem = replace(problem, measured=problem.measured.take(rows), whitening=problem.whitening[rows])
+        problem = problem.take(rows, problem.whitening[rows])
         point = replace(point, poses=point.poses[rows])
     orders = {"": np.arange(len(dataset))}
     if "time" in dataset.covariates:
@@ -263,15 +237,15 @@ def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noi
     for words, order in orders.items():
         scan = whole.ordered(order)
         steps: list[int] = []
-        while len(steps) < 2 and scan.ratio(steps) < RATIO:
+        while len(steps) < 2 and scan.ratio(steps) < limits.STEP_RATIO:
             steps = sorted([*steps, scan.best(steps)])
         rows = scan.rows[steps[0] : steps[1] if len(steps) > 1 else None]
         left = scan.left(steps)
         _, (size, *_), (moved, *_) = scan.moved_with((np.arange(len(dataset))[:, None] >= steps).astype(float))
-        small = scan.ratio(steps) < RATIO or size < LARGE * np.sqrt(2.0 * left / scan.y.size)
+        small = scan.ratio(steps) < limits.STEP_RATIO or size < limits.STEP_LARGE * np.sqrt(2.0 * left / scan.y.size)
         if small or own_session(dataset, rows):
             continue
-        if scan.moved_with(_alternatives(dataset, scan.rows))[0] < AHEAD * left:
+        if scan.moved_with(_alternatives(dataset, scan.rows))[0] < limits.STEP_AHEAD * left:
             continue
         lines = dataset.row[rows]
         error = DatasetError(
@@ -281,14 +255,11 @@ def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noi
             row=int(lines[0]),
             hint="give these rows a session of their own in the column session, or leave them out",
         )
-        before, after = (_size(scan, noise, steps) for steps in ([], steps))
-        return suspect(error, dataset, before, after)
-
-
-def _size(scan: FrameScan, noise: ReadingNoise, steps: list[int]) -> Size:
-    """Standard deviations of the residuals with some steps, m and rad."""
-    times = float(np.sqrt(2.0 * scan.left(steps) / scan.y.size))
-    return times * float(noise.sigma[0]), times * float(noise.sigma[1]) if scan.y.shape[1] == 6 else 0.0
+        sigmas = float(noise.sigma[0]), float(noise.sigma[1]) if scan.y.shape[1] == 6 else 0.0
+        before, after = (
+            [size * np.sqrt(2.0 * power / scan.y.size) for size in sigmas] for power in (scan.left([]), left)
+        )
+        return suspect(error, dataset, (before[0], before[1]), (after[0], after[1]))
 
 
 def _alternatives(dataset: Dataset, rows: Indices) -> Floats:
@@ -301,3 +272,97 @@ def _alternatives(dataset: Dataset, rows: Indices) -> Floats:
             spread = float(column.std())
             columns += [(column - column.mean()) / spread] if spread > 0.0 else []
     return np.stack(columns, axis=1)
+
+
+def check_sessions(dataset: Dataset, nominal: Model, poses: Poses) -> None:
+    """Check that the instrument had the same pose in all sessions.
+
+    ``poses``: (N) poses of the nominal model at the dataset's commands, base frame; NaN where it can't reach.
+
+    Raises `DatasetError` if the pose differs; it names the sessions, and the distance of each from the largest one, m.
+    """
+    there = np.flatnonzero(poses.reached)
+    if not len(there):
+        return
+    part, poses = dataset.take(there), poses[there]
+    moved = _moved(part, nominal, poses)
+    if limits.SESSION_FAR <= max(moved.values(), default=0.0) < limits.SESSION_BEYOND:
+        moved = _moved_linear(part, problem_of(part, poses, nominal, free=dataset.instrument.frame == "free"), poses)
+    _suspect(dataset, moved, limits.SESSION_FAR)
+
+
+def check_sessions_linear(dataset: Dataset, problem: Problem, near: Poses) -> None:
+    """As :func:`check_sessions`, after a fit has failed: with one geometry for all sessions, it finds smaller motions.
+
+    ``problem``, ``near``: the problem about the nominal machine, and the machine's poses, base frame.
+
+    Raises `DatasetError` if motions of the frame between sessions explain most of the power of the residuals.
+    """
+    _suspect(dataset, _moved_linear(dataset, problem, near), limits.SESSION_FAILED)
+
+
+def _moved_linear(dataset: Dataset, problem: Problem, near: Poses) -> dict[str, float]:
+    """As `_moved`, by a linear fit of one geometry and of each session's frame."""
+    sessions, names = _sessions(dataset)
+    if len(names) < 2:
+        return {}
+    rows = np.arange(0, len(dataset), 1 + len(dataset) // ENOUGH)
+    thin = problem.take(rows, problem.whitening[rows])
+    scan = FrameScan.of(thin, thin.point(np.zeros(thin.size), near[rows]), initial_noise(thin.measured))
+    columns = (sessions[rows, None] == np.array(names[1:])).astype(float)
+    left, _, moved = scan.moved_with(columns)
+    return {} if scan.left(()) < limits.SESSION_RATIO * left else dict(zip(names, [0.0, *moved.tolist()], strict=True))
+
+
+def _suspect(dataset: Dataset, moved: dict[str, float], least: float) -> None:
+    """Suspect an instrument that moved by ``least`` m or more; ``moved``: distances from the first session, m."""
+    first, *others = moved or [""]
+    far = sorted((name for name in others if moved[name] >= least), key=lambda name: -moved[name])
+    if not far:
+        return
+    moves = ", ".join(f"{1e3 * moved[name]:.3g} mm in session {name}" for name in far[: limits.NAMED])
+    more = f" and {len(far) - limits.NAMED} more sessions" if len(far) > limits.NAMED else ""
+    error = DatasetError(
+        f"the instrument moved between sessions: from where it stood in session {first} by {moves}{more}",
+        file=dataset.file,
+        column="session",
+        hint="make a dataset of each session, or register the sessions to common marks and give all poses in one frame",
+    )
+    refuse(error, dataset)
+
+
+def _sessions(dataset: Dataset) -> tuple[NDArray[np.str_], list[str]]:
+    """The session of each row, and the names of the sessions with at least `limits.FEWEST_ROWS` rows, the largest first."""
+    if "session" not in dataset.covariates:
+        return np.full(len(dataset), ""), []
+    sessions = np.array([str(name) for name in dataset.covariates["session"]])
+    names, counts = np.unique(sessions, return_counts=True)
+    order = np.argsort(-counts, kind="stable")
+    return sessions, [str(names[k]) for k in order if counts[k] >= limits.FEWEST_ROWS]
+
+
+def _moved(dataset: Dataset, nominal: Model, poses: Poses) -> dict[str, float]:
+    """Distance, m, of each session's poses from where the frame of the largest session puts them; empty where not clear."""
+    measured = measured_poses(dataset)
+    sessions, names = _sessions(dataset)
+    places, left = {}, np.full(len(poses), np.nan)
+    for name in names:
+        own = sessions == name
+        wide, narrow = (
+            np.linalg.svd(T - T.mean(axis=0), compute_uv=False) / len(T) ** 0.5 for T in (poses.T, poses.T[own])
+        )
+        if measured.R is None and narrow[1] <= limits.LINE * wide[0]:  # positions on a line do not determine a frame
+            continue
+        places[name] = frame = rough_frame(poses[own], measured.take(own))
+        left[own] = np.linalg.norm(measured.T[own] - poses[own].moved(frame.T, frame.R).T, axis=1)
+    if len(places) < 2:
+        return {}
+    first = next(iter(places.values()))
+    moved = {
+        name: _median_off(poses.T[sessions == name] @ (frame.R - first.R).T, first.T - frame.T)
+        for name, frame in places.items()
+    }
+    some = np.linspace(0, len(poses) - 1, min(len(poses), 100)).astype(int)
+    expected = expected_errors(nominal, measured.q[some], poses[some])[0]
+    clear = max(limits.SESSION_CLEAR * float(np.nanmedian(left)), limits.SESSION_EXPECTED * expected)
+    return moved if max(moved.values()) > clear else {}

@@ -1,0 +1,314 @@
+"""The fit of a calibration with the checks around it: errors and warnings where it shows a mistake in the data."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from gtpin.calibration.checks import limits
+from gtpin.calibration.checks.before_fit import about_track, check_moved, check_other_readings, reach_of
+from gtpin.calibration.checks.convention import check_convention
+from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
+from gtpin.calibration.checks.instruments import (
+    Misfit,
+    check_fitted,
+    check_heights,
+    check_readable,
+    explained,
+)
+from gtpin.calibration.checks.moved import (
+    check_instrument_steps,
+    check_sessions_linear,
+    check_stretch,
+    initial_noise,
+    stretch,
+)
+from gtpin.calibration.checks.prior_conflict import prior_conflict, with_wider_tolerances
+from gtpin.calibration.checks.suspected import far_from_declared, refuse
+from gtpin.calibration.fit_state import FitState
+from gtpin.calibration.observability import UNSEEN
+from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.calibration.robust_fit import RobustFit
+from gtpin.data import Dataset
+from gtpin.data.duplicates import command_steps
+from gtpin.data.files import warn_of
+from gtpin.data.plausible import named_poses
+from gtpin.distributions import chi2
+from gtpin.errors import ConvergenceError, DatasetError, warn
+from gtpin.instruments.readings import Readings
+from gtpin.kinematics.poses import Poses
+from gtpin.model.model import Model
+from gtpin.noise import weights
+from gtpin.noise.reading_noise import SMALLEST
+from gtpin.typing import Mask
+
+
+def settled_fit(given: Dataset, kept: Dataset, fit: RobustFit, *, tracked: bool, doubt: bool) -> FitState:
+    """Run the robust fit of the rows that are ``kept`` of a dataset, with its checks.
+
+    ``tracked``: whether one tracker measured poses. ``doubt``: whether the declared noise, frame and tolerances are checked
+    too; those of readings always are.
+
+    Raises `DatasetError` if the data can't be this robot's, or the fit does not describe them. `ConvergenceError` if it
+    does not converge for another reason. Warns: names the poses that are rejected, and what was assumed wrongly.
+    """
+    return _settled_poses(kept, fit, doubt=doubt) if tracked else _settled_readings(given, kept, fit)
+
+
+def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
+    """As :func:`settled_fit`, for poses that one tracker measured."""
+    measured, seen = fit.whole.poses, fit.whole.start.in_instrument_frame(fit.near)
+    far = np.asarray(np.linalg.norm(measured.T - seen.T, axis=1) > reach_of(fit.whole.start.geometry))
+    check_stretch(kept, measured, seen, far, bumps=False)
+    with _explained(kept, fit, measured, far):
+        try:
+            settled = settled_or_explained(fit) if doubt else fit.run()
+        except ConvergenceError:
+            if doubt:
+                point = fit.whole.point(fit.whole.first, fit.near)
+                check_instrument_steps(kept, fit.whole, point, initial_noise(fit.whole.measured))
+            raise
+        check_convention(kept, settled.fit, settled.noise.sigma)
+        if doubt:
+            used, noise = kept.take(settled.used), settled.noise.take(settled.used)
+            check_instrument_steps(used, settled.fit.problem, settled.fit.point, noise)
+        residual = settled.fit.problem.raw_residual(settled.fit.point, settled.fit.point.poses)[:, :3]
+        if np.sqrt((residual**2).sum(axis=1).mean()) > limits.POOR:
+            check_sessions_linear(kept, fit.whole, fit.near)
+        if not settled.used.all():
+            _check_set_aside(kept, measured, settled)
+            counted = f"{np.count_nonzero(~settled.used):,} of {len(kept):,} rows, of "
+            several = len(set(kept.pose)) < len(kept)
+            warn(f"set aside as gross errors: {counted if several else ''}{named_poses(kept, ~settled.used)}")
+        coarse = _check_fit(kept, settled, seen)
+        found = _without_prior_conflict(*with_credible_noise(fit, settled)) if doubt else settled
+        if doubt and coarse is None:
+            check_moved(kept, found.fit.point.model.geometry, fit.whole.start.geometry, fit.near, fit.found)
+    return found
+
+
+@contextlib.contextmanager
+def _explained(dataset: Dataset, fit: RobustFit, measured: Measured, far: Mask) -> Iterator[None]:
+    """Context of a fit: if it fails because of another mistake of the user, the error names this mistake."""
+    try:
+        yield
+    except (ConvergenceError, DatasetError) as error:
+        if error.row is not None or error.column is not None:  # it names what is wrong already
+            raise
+        check_other_readings(dataset, fit.whole.start, fit.near, failed=True)
+        check_stretch(dataset, measured, fit.whole.start.in_instrument_frame(fit.near), far)
+        check_sessions_linear(dataset, fit.whole, fit.near)
+        coarse = _coarse_commands(fit.whole.start, measured, fit.near)
+        if coarse is None:
+            raise
+        hint = f"give commands with more digits; if they are exact: {error.what}"
+        columns = f"q1 .. q{measured.q.shape[1]}"
+        raise DatasetError(coarse, file=dataset.file, column=columns, hint=hint) from None
+
+
+def _check_set_aside(kept: Dataset, measured: Measured, settled: FitState) -> None:
+    """Refuse a fit that set aside a sequence of rows, or a large part of them; a warning where an effect can explain these."""
+    aside = ~settled.used
+    predicted = settled.fit.point.model.predict(kept.q)
+    check_stretch(kept, measured, predicted, aside)
+    off = np.linalg.norm(measured.T - predicted.T, axis=1)
+    if np.nanmedian(off[aside]) < limits.POOR:
+        return
+    found = stretch(aside)
+    if found is None and aside.mean() < limits.MOST_GROSS:
+        return
+    lines = kept.row[aside if found is None else found]
+    where = f"{aside.sum()} of {len(aside)} rows" if found is None else f"rows {lines.min()} to {lines.max()}"
+    left = float(np.nanmedian(off[aside]))
+    error = DatasetError(
+        f"{where} do not fit the others, by {1e3 * left:.3g} mm in the median",
+        file=kept.file,
+        row=int(lines.min()),
+        hint="commands or readings of other rows, signs or units of a part of the table; correct them, or leave them out",
+    )
+    if left > limits.NO_EFFECT[0]:
+        refuse(error, kept)
+    else:
+        warn(str(error))
+
+
+def _without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
+    """The result of the fit; if the priors contradict the data, repeated with a wider tolerance or a free frame."""
+    found = prior_conflict(settled)
+    far = np.abs(settled.deviation).max(initial=0.0) > limits.FAR_FROM_PRIOR
+    # Where no parameter deviates so far, the priors may be contradicted by another cause, such as a ball out of round.
+    if settled.widened == 1.0 and (found is None or (found.what != "frame" and not far)):
+        return settled
+    if settled.widened > 1.0 and (found is None or found.what == "tolerances"):
+        warn(
+            f"the nominal model is not this machine: its parameters are off by {settled.widened:.2g} times their "
+            "tolerances; tolerances are widened to admit it"
+        )
+        return settled
+    assert found is not None
+    if found.what == "frame":
+        start = replace(fit.whole.start, frame=rough_frame(fit.near, fit.whole.poses))
+        freed = replace(fit, whole=replace(fit.whole, start=start, free_frame=True))
+        warn(
+            f"the instrument's frame looks {found.size * 1e3:.2g} mm and {found.turn * 1e3:.2g} mrad off the robot's: it is "
+            'fitted as free; write frame = "free"'
+        )
+        return freed.run()
+    if found.what == "zero":
+        deviation = f"the zero of {found.site} looks {found.size * 1e3:.3g} mm or mrad off"
+    elif found.what == "part":
+        deviation = f"{found.site} looks {abs(found.size):.2g} tolerances off"
+    else:
+        deviation = f"its parameters are off by {found.size:g} times their tolerances"
+    warn(f"the nominal model is not this machine: {deviation}; tolerances are widened to admit it")
+    return fit.with_geometry(with_wider_tolerances(settled, found)).run()
+
+
+def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
+    """Raise `DatasetError` if even the calibrated robot is far from the data; warn if residuals are much larger than noise.
+
+    Returns what :func:`_coarse_commands` says of the residuals where they are larger than noise.
+    """
+    point, measured = settled.fit.point, settled.fit.problem.poses
+    model = point.model
+    errors, errors_before = (
+        np.linalg.norm(measured.T - predicted.T, axis=1)
+        for predicted in (model.in_instrument_frame(point.poses), nominal[settled.used])
+    )
+    left, before = float(np.median(errors)), float(np.median(errors_before))
+    worst = float(np.quantile(errors, 1.0 - limits.MOST_GROSS))
+    what = None
+    if left > limits.NO_EFFECT[0] and left > 0.25 * before:
+        what = f"calibration leaves {left * 1e3:.3g} mm of {before * 1e3:.3g} mm: these can't be the robot's poses"
+    elif worst > reach_of(model.geometry):
+        share = f"{limits.MOST_GROSS:.0%} of the poses"
+        what = f"calibration leaves {worst * 1e3:.3g} mm and more at {share}: these can't be the robot's poses"
+    if what:
+        hint = "check the order, signs and zeros of columns"
+        if kept.instrument.frame != "free":
+            hint += ', and whether the instrument stood elsewhere (frame = "free")'
+        lines = kept.row[settled.used]
+        found = stretch(errors > max(10.0 * float(np.quantile(errors, 0.25)), limits.POOR))
+        row = None
+        if found is not None:  # the others fit: these rows are the reason
+            row = int(lines[found].min())
+            what = f"rows {row} to {int(lines[found].max())} do not fit the others; {what}"
+        refuse(DatasetError(what, file=kept.file, row=row, hint=hint), kept)
+    if left < SMALLEST and kept.instrument.position_sigma is None:
+        warn(
+            f"the positions agree with the calibrated kinematics to {left * 1e6:.2g} um in the median, and no instrument "
+            "measures so well: were they computed (targets of a controller, a simulation without noise), and not measured?"
+        )
+    size, coarse = weights.robust_scale(settled.fit.residual), None
+    if size > limits.MISFIT or settled.sigma_scale > 1.0:
+        coarse = _coarse_commands(model, measured, point.poses)
+        why = f"{coarse}; give them with more digits" if coarse else "the geometry does not explain these data"
+        if coarse or size > limits.MISFIT:
+            times = max(size, settled.sigma_scale)
+            warn(f"residuals are {times:{'.0f' if times > limits.MISFIT else '.1f'}} times the noise: {why}")
+    off = np.where(about_track(model.geometry), 0.0, settled.deviation)
+    if names := far_from_declared(off, model.geometry.names):
+        warn(f"parameters more than {limits.FAR_FROM_PRIOR:g} tolerances from nominal: {names}")
+    return coarse
+
+
+def _coarse_commands(model: Model, measured: Measured, poses: Poses) -> str | None:
+    """A message, if commands that were rounded or truncated explain the residuals from ``poses`` (N), base frame; else None."""
+    steps = command_steps(measured.q, model.robot.revolute)
+    if steps is None:
+        return None
+    some = np.linspace(0, len(poses) - 1, min(len(poses), 300)).astype(int)
+    q, near, frame = measured.q[some], poses[some], model.frame
+    off = measured.T[some] - near.moved(frame.T, frame.R).T
+    J = model.kinematics.command_jacobian(q, near)[:, :3]
+    wrong = np.abs(np.einsum("nij,nj->ni", np.linalg.pinv(J), off @ frame.R) / steps.size).max(axis=1)
+    if not limits.ROUNDED[0] <= np.median(wrong) or np.quantile(wrong, 0.9) > limits.ROUNDED[1]:
+        return None
+    size = 1e3 * np.median(np.linalg.norm(off, axis=1))
+    return f"all commands are multiples of {steps.words}, and poses are off by {size:.2g} mm, as such a step makes them"
+
+
+def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit) -> FitState:
+    """As :func:`settled_fit`, for readings of any instruments."""
+    readings, near, reach = fit.whole.measured, fit.near, reach_of(fit.whole.start.geometry)
+
+    def misfit(some: Readings, index: int, rough: bool = False) -> Misfit | None:
+        tried = replace(fit, whole=replace(fit.whole, measured=some))
+        try:
+            other = tried.rough() if rough else tried.run().fit
+        except ConvergenceError:
+            return None
+        return Misfit.of(other.problem.readings(other.point.x), other.point.poses, index)
+
+    check_readable(given, readings, near, reach, misfit)
+    with explained(readings, near):
+        settled = with_credible_noise(fit, settled_or_explained(fit))[1]
+    fitted = settled.fit.problem.readings(settled.fit.point.x)
+    left, heights = (
+        fitted.residual_at(settled.fit.point.poses)[:, 0],
+        np.asarray(fitted.rows.columns.get("height", np.nan), dtype=float),
+    )
+    own = np.isfinite(heights)
+    # Errors of touches of the size by which their heights vary would be taken for noise that was not declared.
+    vary = own.any() and settled.noise.estimated.any() and np.std(left[own]) > limits.VARIATION * np.std(heights[own])
+    if settled.scale > limits.MISFIT or vary:
+        check_heights(given, readings, near, reach, misfit)
+    _check_used(kept, readings, settled.used)
+    before = [Misfit.of(readings, near, i) for i in range(len(readings.instruments))]
+    check_fitted(given, fitted, settled.fit.point.poses, reach, before)
+    if settled.scale > limits.MISFIT:
+        scale = f"residuals are {settled.scale:.0f} times the noise"
+        warn(f"{scale}: the geometry does not explain these data, or the declared sigma is too small")
+    check_moved(given, settled.fit.point.model.geometry, fit.whole.start.geometry, near, fit.found)
+    _warn_of_deviations(settled, fitted)
+    return settled
+
+
+def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
+    """Refuse an instrument with most of its rows set aside; warn of others, and of a station, plane, socket or target."""
+    for i, one in enumerate(readings.instruments):
+        mine = readings.rows.of == i
+        share = float((~used[mine]).mean()) if mine.any() else 0.0
+        if share > limits.MOST_GROSS_READINGS:
+            error = DatasetError(
+                f"{100.0 * share:.0f} % of the readings of {one.name} do not fit the others",
+                file=readings.rows.files[i],
+                hint="check its units, its rows' commands, and where it stood",
+            )
+            refuse(error, kept)
+    rows = readings.rows
+    for i, table in enumerate(rows.tables):
+        mine = rows.rows_of(i)
+        for column in table.ids:
+            names = rows.known[i].get(column, ())
+            for name in names if len(names) > 1 else ():
+                own = mine[rows.columns[column][mine] == name]
+                count, lost = (len(np.unique(rows.line[some])) for some in (own, own[~used[own]]))
+                if count >= limits.SEVERAL_READINGS and lost > limits.MOST_GROSS_READINGS * count:
+                    what = f"{lost} of {count} readings of {table.name} with {column} {name} do not fit the others"
+                    warn_of(rows.files[i], f"{what}: check what dataset.toml declares of it, and these rows")
+    if not used.all():
+        warn(f"set aside as gross errors: {named_poses(kept, ~used)}")
+
+
+def _warn_of_deviations(settled: FitState, readings: Readings) -> None:
+    """Warn of parameters and fitted unknowns that are farther from what is declared than their priors allow."""
+    x, seen = settled.fit.point.x[: settled.fit.problem.n_geometry], settled.observability
+    # Along a direction with the variance reduction l, the estimate has the variance l, in units of the squared tolerances.
+    known = seen.variance_reduction > UNSEEN
+    along = seen.directions[:, known].T @ x
+    chance = chi2.sf(float((along**2 / seen.variance_reduction[known]).sum()), max(int(known.sum()), 1))
+    if names := far_from_declared(x, settled.geometry.names):
+        warn(f"parameters more than {limits.FAR_FROM_PRIOR:g} tolerances from nominal: {names}")
+    elif chance < limits.GEOMETRY_CHANCE:
+        text = f"the geometry as a whole is farther from nominal than its tolerances allow (chance {chance:.1g})"
+        hint = "check commands, known distances, and what is declared of the instruments, or give larger tolerances"
+        warn(f"{text}: {hint}; an effect that the geometry takes up may do this as well")
+    if names := far_from_declared(readings.deviation, [unknown.name for unknown in readings.unknowns]):
+        hint = "correct what it declares, or give larger prior sigmas"
+        warn(
+            f"unknowns more than {limits.FAR_FROM_PRIOR:g} prior sigmas from what dataset.toml declares: {names}: {hint}"
+        )

@@ -1,0 +1,378 @@
+"""Readings of instruments that can't be the robot's without a correction: other units, other signs, sockets visited once."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from gtpin.calibration.checks import limits
+from gtpin.calibration.checks.readings import UNITS
+from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
+from gtpin.calibration.problem import with_unknowns
+from gtpin.data import Dataset
+from gtpin.data.instrument_rows import InstrumentRows
+from gtpin.data.instrument_tables import (
+    EncoderTable,
+    InstrumentTable,
+    PlaneOf,
+    PlaneTable,
+    RangeTable,
+    TiltTable,
+    TrackerTable,
+)
+from gtpin.data.names import ORIENTATION
+from gtpin.errors import ConvergenceError, DatasetError, warn
+from gtpin.instruments.readings import Readings, instruments_of
+from gtpin.instruments.socket import Socket
+from gtpin.kinematics.poses import Poses
+from gtpin.robot.chain import Chain
+
+LOOK = "check the order of q1 .. qn, that rows have their own commands, units, and where the instrument stood"
+"""What the user should do where no usual mistake explains the readings."""
+LENGTHS: dict[type[InstrumentTable], tuple[str, ...]] = {
+    TrackerTable: ("x", "y", "z"),
+    RangeTable: ("range",),
+    PlaneTable: ("height",),
+}
+"""Columns of lengths."""
+PLACES = ("stations", "planes", "sockets")
+"""Keys of dataset.toml that have points of the base frame."""
+TILTS: tuple[tuple[str, tuple[str, str], tuple[float, float]], ...] = (
+    ("tilt_x has the other sign", ("tilt_x", "tilt_y"), (-1.0, 1.0)),
+    ("tilt_y has the other sign", ("tilt_x", "tilt_y"), (1.0, -1.0)),
+    ("tilts have the other sign", ("tilt_x", "tilt_y"), (-1.0, -1.0)),
+    ("tilt_x and tilt_y are swapped", ("tilt_y", "tilt_x"), (1.0, 1.0)),
+    ("the sensor is mounted a quarter turn about its z", ("tilt_y", "tilt_x"), (-1.0, 1.0)),
+    ("the sensor is mounted a quarter turn about its z", ("tilt_y", "tilt_x"), (1.0, -1.0)),
+)
+"""Message text, the columns that are read as tilt_x and tilt_y, and their signs."""
+Columns = dict[str, tuple[str, float]]
+"""By a column's name, the column that is read in its place, and the factor by which its numbers are multiplied."""
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Errors of an instrument's readings relative to the nominal robot, with the unknowns' values that fit best.
+
+    ``off``: largest median error of its components, by unit: m and rad. ``deviation``: largest deviation of an unknown with a
+    prior, in prior sigmas.
+    """
+
+    off: dict[str, float]
+    deviation: float
+
+    @staticmethod
+    def of(readings: Readings, poses: Poses, index: int) -> Misfit:
+        """The misfit of an instrument, by its index."""
+        one, rows = readings.instruments[index], readings.rows
+        mine = rows.rows_of(index)
+        residual = np.abs(readings.residual_at(poses)[mine])
+        off = {component.unit: 0.0 for component in one.components}
+        for k, component in enumerate(one.components):
+            single = readings.components == 1 and len(one.components) > 1
+            own = residual[rows.component[mine] == k, 0] if single else residual[:, k]
+            if len(own):
+                size = float(np.median(own))
+                off[component.unit] = max(off[component.unit], size if np.isfinite(size) else np.inf)
+        deviation = [abs(u) / o.sigma for u, o in zip(readings.own(index), one.unknowns, strict=True)]
+        return Misfit(off, max(deviation, default=0.0))
+
+    def exceeds(self, reach: float, share: float = 1.0) -> bool:
+        """Whether errors are larger than a share of those of robots within their tolerances, which move the TCP by ``reach``,
+        m."""
+        return self.off.get("m", 0.0) > share * reach or self.off.get("rad", 0.0) > share * limits.NO_TURN
+
+    @property
+    def size(self) -> float:
+        """The largest of the errors, in units of ``limits.USUAL_ERROR``, and of ``deviation``."""
+        return max(*(off / limits.USUAL_ERROR for off in self.off.values()), self.deviation)
+
+    def __str__(self) -> str:
+        unit = max(self.off, key=lambda unit: self.off[unit])
+        return f"{1e3 * self.off[unit]:.3g} {'mm' if unit == 'm' else 'mrad'}"
+
+
+@dataclass(frozen=True)
+class Otherwise:
+    """Another way to read an instrument.
+
+    - ``looks``, ``hint``: message texts: what the table looks like, and what the user should do.
+    - ``columns``: columns that are read in another way; else the description is wrong.
+    - ``said``: other values of keys of the description, the first of which is the wrong one.
+    """
+
+    looks: str
+    hint: str
+    columns: Columns = field(default_factory=dict)
+    said: Mapping[str, Any] = field(default_factory=dict)
+
+
+def ways(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[Otherwise]:
+    """Other ways to read an instrument's table: lengths in other units (columns, places and target, alone and together), signs.
+
+    ``index``: of the instrument. ``unit_of_reading``: unit of the instrument's first component, ``m`` or ``rad``.
+    """
+    table = rows.tables[index]
+    mine = rows.rows_of(index)
+    lengths = [name for name in LENGTHS.get(type(table), ()) if name in rows.columns]
+    present = [name for name in lengths if np.isfinite(rows.columns[name][mine]).all()]
+    keys = {key: key for key in PLACES if getattr(table, key, None)}
+    if table.targets or isinstance(table.target, tuple):
+        key = "targets" if table.targets else "target"
+        keys[key] = f"the {key}"
+    for unit, factor in UNITS:
+        parts: list[tuple[str, Columns, dict[str, Any]]] = []
+        if present:
+            parts.append((" ".join(present), _scaled(present, factor), {}))
+        parts += [(name, {}, {key: _in_unit(getattr(table, key), factor)}) for key, name in keys.items()]
+        for count in range(1, len(parts) + 1):
+            for some in combinations(parts, count):
+                names = tuple(part[0] for part in some)
+                verb = "looks" if names in (("range",), ("height",), ("the target",)) else "look"
+                columns = {name: read for _, own, _ in some for name, read in own.items()}
+                said = {key: value for *_, own in some for key, value in own.items()}
+                yield Otherwise(f"{' and '.join(names)} {verb} like {unit}", f"multiply by {factor:g}", columns, said)
+    if "height" in present:
+        hint = "height is positive on the side that the normal points to: change its sign, or the normal's"
+        yield Otherwise("heights are of the other side of the plane", hint, _scaled(["height"], -1.0))
+        hint = "multiply by 1000, if millimetres were converted twice"
+        yield Otherwise("heights look a thousand times too small", hint, _scaled(["height"], 1e3))
+    if isinstance(table, TiltTable):
+        for unit, factor in (("degrees", np.pi / 180.0), ("mm/m", 1e-3)):
+            hint = f"multiply by {factor:.6g}"
+            yield Otherwise(f"tilts look like {unit}", hint, _scaled(["tilt_x", "tilt_y"], factor))
+        hint = "tilt_x and tilt_y are along the TCP frame's x and y, positive where these point up"
+        for looks, (x, y), (sign_x, sign_y) in TILTS:
+            yield Otherwise(looks, hint, {"tilt_x": (x, sign_x), "tilt_y": (y, sign_y)})
+    if isinstance(table, EncoderTable):
+        for sign, and_sign in ((1.0, ""), (-1.0, " of the other sign")):
+            for name, factor in (("degrees", np.pi / 180.0),) if unit_of_reading == "rad" else UNITS:
+                looks, hint = f"readings look like {name}{and_sign}", f"multiply by {sign * factor:.6g}"
+                yield Otherwise(looks, hint, _scaled(["reading"], sign * factor))
+        hint = "readings grow with the joint's coordinate as the URDF has it: multiply by -1"
+        yield Otherwise("readings have the other sign", hint, _scaled(["reading"], -1.0))
+        hint = "subtract the offset from the readings, or declare a larger zero_sigma"
+        yield Otherwise("the zero is farther off than zero_sigma says", hint, said={"zero_sigma": limits.ANY_ZERO})
+    if isinstance(table, TrackerTable) and "qw" in rows.columns:
+        hint = "give qw qx qy qz, the real part first"
+        read = {name: (of, 1.0) for name, of in zip(ORIENTATION, ("qz", "qw", "qx", "qy"), strict=True)}
+        yield Otherwise("quaternions look like xyzw", hint, read)
+
+
+def _scaled(names: list[str], factor: float) -> Columns:
+    return {name: (name, factor) for name in names}
+
+
+def _in_unit(at: Any, factor: float) -> Any:
+    """A point, a plane, or several by their names in another unit; anything else as it is."""
+    if isinstance(at, dict):
+        return {name: _in_unit(one, factor) for name, one in at.items()}
+    if isinstance(at, PlaneOf):
+        return at.model_copy(update={"point": _in_unit(at.point, factor)})
+    return tuple(factor * v for v in at) if isinstance(at, tuple) else at
+
+
+def check_readable(
+    dataset: Dataset, readings: Readings, poses: Poses, reach: float, fitted: Callable[..., Misfit | None]
+) -> None:
+    """Suspect readings whose errors relative to the nominal robot are larger than its tolerances allow.
+
+    ``readings``: with the unknowns' values that fit best. ``poses``: (N) nominal poses, base frame. ``reach``: largest
+    displacement of the TCP by deviations within the tolerances, m. ``fitted``: gives the misfit of an instrument, of
+    readings and its index, after a fit of the geometry (a rough one with ``rough=True``); None where it fails.
+
+    Raises `DatasetError` if such readings can't be fitted; it names the unit or the sign with which they can, where there
+    is one. Warns: if they can be fitted as they are.
+    """
+    for i, one in enumerate(readings.instruments):
+        now = Misfit.of(readings, poses, i)
+        if not now.exceeds(reach, limits.READ_SUSPECT) and now.deviation <= limits.READ_FAR:
+            continue
+        file = readings.rows.files[i]
+        tried = list(_read_otherwise(readings, poses, i))
+        least = min((misfit.size for misfit, *_ in tried), default=np.inf)
+        # The first way that is about as good as the best: the usual and simple ones come first.
+        found = next((way for way in tried if way[0].size <= limits.AS_GOOD * least), None)
+        if found is not None and not found[0].exceeds(reach) and found[0].size < now.size / limits.READ_BETTER:
+            best, read, other = found
+            by = f"{now} off, read so {best}" if now.size > now.deviation else "possible only far from what is declared"
+            error = _error(dataset, readings, i, other, f"as it stands, readings are {by}")
+            suspect(error, dataset, _size(fitted(readings, i, True)), _size(fitted(read, i, True)))
+        elif now.exceeds(reach):
+            check_heights(dataset, readings, poses, reach, fitted)
+            error = DatasetError(
+                f"readings of {one.name} are {now} off what the nominal robot gives",
+                file=file,
+                hint="check units, signs, commands, and where the instrument stood",
+            )
+            after = fitted(readings, i)
+            if after is None or after.exceeds(limits.READ_LEFT * reach):
+                refuse(error, dataset)
+            else:
+                warn(str(error))
+
+
+def check_heights(
+    dataset: Dataset, readings: Readings, poses: Poses, reach: float, fitted: Callable[..., Misfit | None]
+) -> None:
+    """Suspect heights over planes that a fit explains only in another unit, or with the other sign.
+
+    Heights of touches are often smaller than the nominal robot's own errors: only fits show how they must be read.
+    ``dataset`` to ``fitted``: as for :func:`check_readable`.
+    """
+    for i, one in enumerate(readings.instruments):
+        if not (isinstance(one.table, PlaneTable) and "height" in one.read.numbers):
+            continue
+        before = _size(fitted(readings, i, True))
+        # A unit that makes heights vanish leaves less than noise, and is no better than one that leaves the noise.
+        noise = float(readings.initial_sigma[readings.group[readings.rows.rows_of(i)[0], 0]])
+        ways = _read_otherwise(readings, poses, i, varied=False)
+        tried = [(_size(fitted(read, i, True)), other) for misfit, read, other in ways if not misfit.exceeds(reach)]
+        sizes = [max(after[0], noise) for after, _ in tried]
+        for size, (after, other) in zip(sizes, tried, strict=True):
+            if size <= limits.AS_GOOD * min(sizes) and size < before[0] / limits.READ_BETTER:
+                now = f"and {1e3 * before[0]:.3g} mm" if np.isfinite(before[0]) else "and no fit"
+                by = f"a fit leaves {1e3 * after[0]:.3g} mm, {now} as it stands"
+                suspect(_error(dataset, readings, i, other, by), dataset, before, after)
+                break
+
+
+def _error(dataset: Dataset, readings: Readings, index: int, other: Otherwise, by: str) -> DatasetError:
+    """The error of an instrument that must be read in another way. ``by``: what shows it."""
+    what = f"{readings.instruments[index].name}: {other.looks} ({by})"
+    column = " ".join(other.columns) or f"instrument.{index}.{next(iter(other.said))}"
+    where = readings.rows.files[index] if other.columns else dataset.toml
+    return DatasetError(what, file=where, column=column, hint=other.hint)
+
+
+@contextlib.contextmanager
+def explained(readings: Readings, poses: Poses) -> Iterator[None]:
+    """Context of a fit: if it fails, the error names the instrument whose readings had large errors before the fit, if any."""
+    try:
+        yield
+    except ConvergenceError as error:
+        numbers, unknowns = len(readings.rows) * readings.components, len(readings.unknowns)
+        if numbers <= unknowns:
+            what = f"the fit does not converge: {numbers} readings for {unknowns} unknowns of the instruments alone"
+            raise DatasetError(
+                what, file=readings.rows.files[0], hint="measure more, or give smaller prior sigmas"
+            ) from None
+        found = [Misfit.of(readings, poses, i) for i in range(len(readings.instruments))]
+        worst = max(range(len(found)), key=lambda i: found[i].size)
+        if found[worst].size < limits.READ_BETTER:
+            raise
+        by = f"the nominal robot gives others, by {found[worst]} and {found[worst].deviation:.2g} prior sigmas of its unknowns"
+        raise ConvergenceError(
+            f"readings of {readings.instruments[worst].name} can't be fitted ({error.what}); {by}",
+            file=readings.rows.files[worst],
+            hint=LOOK,
+        ) from None
+
+
+def check_fitted(dataset: Dataset, readings: Readings, poses: Poses, reach: float, before: Sequence[Misfit]) -> None:
+    """Refuse readings with large errors at the fitted poses (N), base frame: the fit has not found their minimum.
+
+    ``before``: the misfit of each instrument before the fit; an instrument that the fit makes far worse has such errors.
+    """
+    for i, one in enumerate(readings.instruments):
+        now, was = Misfit.of(readings, poses, i), before[i]
+        worse = any(off > limits.READ_BETTER * was.off[unit] for unit, off in now.off.items())
+        if now.exceeds(limits.READ_LEFT * reach) or (worse and now.exceeds(reach, limits.READ_SUSPECT)):
+            what = f"readings of {one.name} are {now} off what the calibrated robot gives"
+            what += f", and {was} off what the nominal robot gives" if worse else ""
+            refuse(DatasetError(what, file=readings.rows.files[i], hint=LOOK), dataset)
+
+
+def _size(misfit: Misfit | None) -> Size:
+    """Residuals after a fit; `NO_FIT` where it failed, or needs unknowns that can't be."""
+    if misfit is None or misfit.deviation > limits.READ_FARTHEST:
+        return NO_FIT
+    return misfit.off.get("m", 0.0), misfit.off.get("rad", 0.0)
+
+
+def _read_otherwise(
+    readings: Readings, poses: Poses, index: int, *, varied: bool = True
+) -> Iterator[tuple[Misfit, Readings, Otherwise]]:
+    """The readings with an instrument that is read in other ways, each with its misfit, without those that are not accepted.
+
+    ``varied``: whether numbers that get smaller must still vary by more than the nominal robot's errors.
+    """
+    rows, unit = readings.rows, readings.instruments[index].components[0].unit
+    mine = rows.rows_of(index)
+    for other in ways(rows, index, unit):
+        columns, smaller, spread = dict(rows.columns), False, 0.0
+        for name, (of, factor) in other.columns.items():
+            column = np.array(rows.columns[name], dtype=float)
+            before = float(np.std(column[mine]))
+            column[mine] = factor * np.array(rows.columns[of][mine], dtype=float)
+            columns[name] = column
+            if abs(factor) != 1.0:
+                after = float(np.std(column[mine]))
+                smaller, spread = smaller or after < 0.5 * before, max(spread, after)
+        table = rows.tables[index].model_copy(update=dict(other.said))
+        tables = (*rows.tables[:index], table, *rows.tables[index + 1 :])
+        try:
+            found = replace(readings, rows=replace(rows, tables=tables, columns=columns), u=np.zeros(0))
+            found = found.at(np.zeros(len(found.unknowns)))
+            found = with_unknowns(found.at(found.start(poses)), poses)
+            misfit = Misfit.of(found, poses, index)
+        except (DatasetError, np.linalg.LinAlgError):
+            continue
+        if not (varied and smaller and misfit.off[unit] > limits.VARIATION * spread):
+            yield misfit, found, other
+
+
+def check_sockets(dataset: Dataset, robot: Chain) -> None:
+    """Refuse sockets that are visited once each, and warn of some that are.
+
+    A visit of a socket whose point is declared, or whose distance from another one is known, says something by itself.
+
+    Raises `DatasetError` if no socket is visited twice, and nothing is known of any.
+    """
+    rows = dataset.readings
+    for i, one in enumerate(instruments_of(rows, robot)):
+        if not isinstance(one, Socket):
+            continue
+        counts = np.bincount(one.socket, minlength=len(one.names))
+        known = {*one.table.sockets, *(name for distance in one.table.distances for name in distance[:2])}
+        once = [name for k, name in enumerate(one.names) if counts[k] == 1 and name not in known]
+        if once and (counts <= 1).all() and not known:
+            hint = "visit each socket from several poses: a point that is unknown takes the first visit"
+            raise DatasetError("every socket is visited once", file=rows.files[i], column="socket", hint=hint)
+        if once:
+            warn(f"{rows.files[i]}: visited once, so that they say nothing: sockets {', '.join(once)}")
+
+
+def check_distances(dataset: Dataset, robot: Chain, poses: Poses, reach: float) -> None:
+    """Refuse known distances of sockets that are far from those of the nominal robot; the error names a unit that fits.
+
+    ``robot``: the nominal robot. ``poses``, ``reach``: as in :func:`check_readable`.
+    """
+    readings = Readings.of(dataset, robot)
+    readings = readings.at(readings.start(poses))  # with the sockets' points from the nominal robot
+    for i, one in enumerate(readings.instruments):
+        if not isinstance(one, Socket):
+            continue
+        for k, (a, b, given, _) in enumerate(one.table.distances):
+            if {a, b} & set(one.table.sockets):  # their declared points may be wrong instead
+                continue
+            found = float(np.linalg.norm(one.at(readings.own(i), a) - one.at(readings.own(i), b)))
+            if abs(given - found) <= reach:
+                continue
+            mine = readings.rows.rows_of(i)[np.isin(one.socket, [one.names.index(name) for name in (a, b)])]
+            residual = np.abs(readings.residual_at(poses)[mine])
+            missed = residual[readings.rows.component[mine] < 3, 0] if readings.components == 1 else residual[:, :3]
+            if missed.size and np.median(missed) > reach:  # something else is wrong than their distance
+                continue
+            like = [(unit, factor) for unit, factor in UNITS if abs(given * factor - found) < min(reach, 0.2 * found)]
+            hint = (
+                f"it looks like {like[0][0]}: multiply by {like[0][1]:g}" if like else "check it, and the rows' sockets"
+            )
+            what = f"{one.name}: {a} and {b} are {given:.6g} m apart here, for the nominal robot {found:.3g} m"
+            column = f"instrument.{i}.distances.{k}"
+            refuse(DatasetError(what, file=dataset.toml, column=column, hint=hint), dataset)
