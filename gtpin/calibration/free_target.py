@@ -31,7 +31,7 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
     """
     if dataset.instrument.target != "free":
         return geometry
-    if not any(p.kind == "platform" for p in geometry.parameters):
+    if sum(p.kind == "platform" for p in geometry.parameters) < 6:
         what = "a free target, but the TCP's place is no parameter"
         hint = "leave target out: of a robot with rods, the joints on the platform are identified with it"
         raise DatasetError(what, file=dataset.file, column="instrument.target", hint=hint)
