@@ -39,6 +39,7 @@ class PaperGeometry(Geometry):
         tracks: tuple[MeasuredTrack | None, ...] = (),
         tolerance: Mapping[str, float] | None = None,
         without: Iterable[str] = (),
+        zeros: bool = False,
     ) -> PaperGeometry:
         """The nominal geometry of a robot with rods, with the parameters that a calibration shall identify.
 
@@ -50,6 +51,8 @@ class PaperGeometry(Geometry):
         Raises `ModelError` if an option has another value, or a kind of tolerance or a name is not known.
         """
         _check(directions, scale, arm)
+        if zeros:
+            raise ModelError("zeros of joints beside parameters of single rods", hint="leave one of them out")
         core = rod_parameters(robot, all_tolerances(robot, tolerance or {}), scale=True)
         measured = [bool(tracks) and tracks[i] is not None for i in range(len(robot.rods))]
         found = list(
@@ -112,11 +115,9 @@ def nominal_geometry(
     """The nominal geometry with these parameters: the robot's own where it has them, else the paper's; see `PaperGeometry`."""
     _check(directions, scale, arm)
     if robot.rods and (directions == "rod" or scale == "rod" or arm == "reduced" or tracks):
-        if zeros:
-            raise ModelError("zeros of joints beside parameters of single rods", hint="leave one of them out")
-        options = {"directions": directions, "scale": scale, "arm": arm, "tracks": tracks}
+        options = {"directions": directions, "scale": scale, "arm": arm, "tracks": tracks, "zeros": zeros}
         return PaperGeometry.nominal(robot, **options, tolerance=tolerance, without=without)  # type: ignore[arg-type]
-    per = "actuator" if scale else None
+    per: Literal["actuator"] | None = "actuator" if scale else None
     return Geometry.nominal(robot, scale=per, tolerance=tolerance, without=without, zeros=zeros)
 
 
