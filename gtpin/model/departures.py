@@ -80,7 +80,7 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
     if not len(q):
         return ()
     J = middle.geometry_jacobian(q, poses)[:, :3]
-    if not model.frame.is_base:
+    if model.stands_anywhere:
         J = _without_rigid_motion(J, poses.T)
     table, found = table_with_base(model), []
     # Where the place of the target is unknown, the data say nothing of the tool.
