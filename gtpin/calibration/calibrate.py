@@ -150,6 +150,9 @@ def calibrate(
         raise ModelError(
             f"model {model} has no measured tracks to turn", hint="use 2, 4 or 5, or leave orientations out"
         )
+    for option, given in (("fix", fix), ("bounds", bounds)):
+        if not isinstance(given, Mapping | None):
+            raise ModelError(f"{option}={given!r}", hint="give a dictionary by the names of parameters")
     without, kept, fixed = tuple(without), tuple(keep_effects), dict(fix or {})
     history = list[Iteration]()
 
@@ -251,6 +254,8 @@ def _calibrated(
     lone = dataset.readings.tracked
     whole, usable, kept, near = (usable_poses if lone else usable_readings)(data, nominal)
     problem = problem_of(kept, near, nominal, free=lone and data.instrument.frame == "free")
+    if not problem.size:
+        raise ModelError("there is nothing to identify: no parameter is left", hint="leave out or hold fewer of them")
     target = data.instrument.target == "free"
     found = np.array([p.is_free or (target and p.kind == "platform") for p in geometry.parameters], dtype=bool)
     fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, found if found.any() else None)

@@ -33,7 +33,10 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
         return geometry
     if sum(p.kind == "platform" for p in geometry.parameters) < 6:
         what = "a free target, but the TCP's place is no parameter"
-        hint = "leave target out: of a robot with rods, the joints on the platform are identified with it"
+        hint = (
+            "leave target out: of a robot with rods, the joints on the platform are identified with it; of others, hold no "
+            "part of it"
+        )
         raise DatasetError(what, file=dataset.file, column="instrument.target", hint=hint)
     check_actuators(geometry.robot, dataset)
     measured = measured_poses(dataset.take(sane_rows(dataset)))

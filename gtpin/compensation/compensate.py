@@ -13,7 +13,7 @@ from gtpin.errors import ConvergenceError, ModelError, UnreachableError, warn
 from gtpin.kinematics.inverse import check_wanted, commands_for, errors_of
 from gtpin.model.model import Frame, Model
 from gtpin.real import real
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 TOLERANCE = 1e-9
 """Largest accepted error of the TCP, m and rad."""
@@ -95,7 +95,7 @@ def attempted(
     # With one or two actuators a position is met in the directions in which they move the TCP: the others are left open.
     few = model.robot.n_actuators < 3
     q = q if few else commands_for(kinematics, T, R, q)[0]
-    lost = ~(np.isfinite(T).all(axis=1) & np.isfinite(q).all(axis=1))
+    lost: Mask = np.asarray(~(np.isfinite(T).all(axis=1) & np.isfinite(q).all(axis=1)))
     T = np.where(lost[:, None], 0.0, T)
     R = None if R is None else np.where(lost[:, None, None], np.eye(3), R)
     left = np.full(len(T), np.inf)

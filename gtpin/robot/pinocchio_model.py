@@ -60,7 +60,7 @@ def urdf_of(model: pin.Model, constraints: Sequence[Any], home: str = "") -> str
     if home:
         posture = SubElement(own, "home")
         for name, values in _posture(model, home):
-            SubElement(posture, "joint", name=name, value=exact_text(values))
+            SubElement(posture, "joint", name=name, value=exact_text(np.array(values)))
     return tostring(root, encoding="unicode")
 
 

@@ -99,6 +99,9 @@ def test_bounds_that_hold_anyway_change_nothing() -> None:
         ({"bounds": {NAME: (2.0, 1.0)}}, r"bounds of length\[2a\] are \(2\.0, 1\.0\)"),
         ({"fix": {NAME: float("nan")}}, r"length\[2a\] is held at nan"),
         ({"fix": {NAME: "long"}}, "give real numbers"),
+        ({"fix": [NAME]}, r"fix=\['length\[2a\]'\]; give a dictionary"),
+        ({"fix": {NAME: 0.1}}, "can reach none of the poses"),
+        ({"without": ["length", "platform_joint", "cart_joint", "track_direction"]}, "no parameter is left"),
         ({"zeros": True, "directions": "rod"}, "zeros of joints beside parameters of single rods"),
     ],
 )
