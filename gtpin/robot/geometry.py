@@ -147,9 +147,8 @@ class Geometry:
         """The geometry with the tolerance `FREE` of some parameters; `ModelError` where a name is no parameter's."""
         chosen = {names} if isinstance(names, str) else set(names)
         check_names(chosen, self.names)
-        return self.with_tolerances(
-            np.array([FREE / p.tolerance if p.name in chosen else 1.0 for p in self.parameters])
-        )
+        parameters = (replace(p, tolerance=FREE) if p.name in chosen else p for p in self.parameters)
+        return replace(self, parameters=tuple(parameters))
 
     @property
     def positions_only(self) -> bool:
