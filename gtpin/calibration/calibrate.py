@@ -86,8 +86,8 @@ def calibrate(
         The nominal robot; by default the one that the dataset names.
     model
         One of models 1 to 5 of Dressler et al. 2010 (see :func:`~gtpin.paper.models.model_geometry`), in place of
-        the parameters that ``directions``, ``scale``, ``without`` and ``zeros`` choose. These models leave out known causes of deviations.
-        Therefore the noise is estimated from their residuals, and declared sigmas are not used.
+        the parameters that ``directions``, ``scale``, ``without`` and ``zeros`` choose. These models leave out known causes
+        of deviations. Therefore the noise is estimated from their residuals, and declared sigmas are not used.
     orientations
         Whether models 2, 4 and 5 also use the carts' measured rotations along their tracks; not used without ``model``.
     directions, scale, without, zeros

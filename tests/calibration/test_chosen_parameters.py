@@ -45,6 +45,21 @@ def test_a_held_parameter_has_its_value_in_the_result_on_disk_and_in_exports(tmp
     assert np.abs(exported.predict(dataset.q).T - found.model.predict(dataset.q).T).max() < 1e-9
 
 
+def test_zeros_of_a_robot_with_rods_are_in_the_model_on_disk_and_in_the_exported_robot(tmp_path: Path) -> None:
+    """A drive that stands 30 mm off, fifteen tolerances of the joints that it carries: without its zero they take it up."""
+    rng = np.random.default_rng(8)
+    machine, q, off = draw(rng), commands(rng, 60), np.array([0.0, 0.03, 0.0])
+    data = replace(measured(machine, q + off, rng), q=q)
+    found = gtpin.calibrate(data, zeros=True)
+    assert abs(found["zero[cart2]"].value - 0.03) < 4.0 * found["zero[cart2]"].sigma < 0.01
+    assert np.abs(found.model.predict(q).T - machine.gantry.poses(q + off)[0]).max() < 1e-4
+    # The shift that the joints on the cart have in common is told in any case, with the zero.
+    assert abs(found.zeros[1].value - 0.03) < 4.0 * found.zeros[1].sigma
+    gtpin.write_model(found.model, tmp_path / "model")
+    for again in ("model", "model/robot.urdf"):
+        assert np.abs(gtpin.read_model(tmp_path / again).predict(q).T - found.model.predict(q).T).max() < 1e-9
+
+
 @pytest.mark.slow
 def test_the_others_cover_where_one_is_held_at_its_true_value() -> None:
     machines, found = [], []
