@@ -28,6 +28,7 @@ from gtpin.data import Commands
 from gtpin.errors import GtpinWarning
 from gtpin.export import Box
 from gtpin.extras.controllers.program import corrected_commands
+from gtpin.model.departures import departures
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")]
 JOURNEYS = [
@@ -81,6 +82,16 @@ def test_a_corrected_program_brings_the_tool_to_where_it_was_meant(way: Journey,
     # Not far less either: where the tracker stood is no error of a machine.
     assert 0.1 * stated(notes) < after < 2.0 * stated(notes)
     assert after < before
+
+
+def test_the_parameters_displace_the_tool_by_what_it_was_off(way: Journey) -> None:
+    """Of first screens: where the machine stands is no part of it."""
+    if not way.machine.rods or way.machine.effect:
+        pytest.skip("the tool of a free target is no parameter")
+    q, still = way.q[:300], np.zeros(300)
+    moved = sum(one.displacement for one in departures(way.model, q))
+    expected = off(way.machine.nominal(q)[0], way.machine.tool(q, still))
+    assert np.sqrt((moved**2).sum(axis=1).mean()) == pytest.approx(expected, rel=0.1)
 
 
 def tool_of(way: Journey, file: Path) -> Floats:
