@@ -196,7 +196,7 @@ def _usual_uncertainty(model: Model, sigmas: Floats | None) -> tuple[str, Uncert
     if sigmas is not None:
         return "closure residuals of the given costs", Uncertainty(closures=sigmas)
     if model.covariance is not None:
-        free = "" if model.frame.is_base else ", without where the machine stands"
+        free = ", without where the machine stands" if model.stands_anywhere else ""
         return f"covariance of the calibration{free}", Uncertainty(model.covariance)
     return _tolerance_words(model), Uncertainty(np.diag(model.geometry.tolerance**2))
 

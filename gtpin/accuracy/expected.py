@@ -121,7 +121,7 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> ErrorResponse
             shape = uncertainty.parameters.shape
             raise ModelError(f"a covariance of shape {shape}", hint=f"{model.robot.name} has {count} parameters here")
         fixed = kinematics.geometry_jacobian(q, poses)[:, :6] @ root_of(uncertainty.parameters)
-        fixed = fixed if model.frame.is_base else placed_best(fixed, poses)
+        fixed = placed_best(fixed, poses) if model.stands_anywhere else fixed
     if uncertainty.closures is not None:
         check_closure_sigmas(model, uncertainty.closures)
         fresh.append(closure_response(kinematics, q, poses) * uncertainty.closures)

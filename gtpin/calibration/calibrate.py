@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -19,14 +19,14 @@ from gtpin.calibration.kept_effects import with_kept_effects
 from gtpin.calibration.left_out import left_out
 from gtpin.calibration.observability import UNSEEN, remedies
 from gtpin.calibration.problem import Problem, problem_of
-from gtpin.calibration.result import Calibration, InstrumentFit
+from gtpin.calibration.result import Calibration, InstrumentFit, Iteration
 from gtpin.calibration.robust_fit import Progress, RobustFit
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
 from gtpin.data.plausible import check_actuators
 from gtpin.distributions import chi2
 from gtpin.effects.active import ActiveEffect
-from gtpin.errors import DatasetError, ModelError, check_kind, noted, warn
+from gtpin.errors import DatasetError, ModelError, check_kind, noted, unheard, warn
 from gtpin.instruments.instrument import up_of
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
@@ -39,7 +39,7 @@ from gtpin.paper.geometry import Per, nominal_geometry
 from gtpin.paper.models import MEASURED, model_geometry
 from gtpin.read_only import gives_read_only
 from gtpin.robot.chain import Chain
-from gtpin.robot.geometry import Geometry
+from gtpin.robot.geometry import Geometry, check_names
 from gtpin.robot.parameters import KINDS, TOLERANCE
 from gtpin.threads import in_one_thread
 from gtpin.typing import Floats, Indices, Mask
@@ -67,6 +67,10 @@ def calibrate(
     directions: Per = "actuator",
     scale: Per | None = None,
     without: Iterable[str] = (),
+    zeros: bool = False,
+    fix: Mapping[str, float] | None = None,
+    free: Iterable[str] = (),
+    bounds: Mapping[str, tuple[float, float]] | None = None,
     kinematics: str | None = None,
     keep_effects: Iterable[ActiveEffect] = (),
     trust_data: bool = False,
@@ -82,13 +86,21 @@ def calibrate(
         The nominal robot; by default the one that the dataset names.
     model
         One of models 1 to 5 of Dressler et al. 2010 (see :func:`~gtpin.paper.models.model_geometry`), in place of
-        the parameters that ``directions``, ``scale`` and ``without`` choose. These models leave out known causes of deviations.
-        Therefore the noise is estimated from their residuals, and declared sigmas are not used.
+        the parameters that ``directions``, ``scale``, ``without`` and ``zeros`` choose. These models leave out known causes
+        of deviations. Therefore the noise is estimated from their residuals, and declared sigmas are not used.
     orientations
         Whether models 2, 4 and 5 also use the carts' measured rotations along their tracks; not used without ``model``.
-    directions, scale, without
+    directions, scale, without, zeros
         Choice of parameters: see :func:`~gtpin.paper.geometry.nominal_geometry`. The default for the Gantry-Tau is 48
-        parameters: those of rod lengths and joints, and one track direction per cart.
+        parameters: those of rod lengths and joints, and one track direction per cart. ``zeros``: also the zeros of the
+        commanded joints, ``zero[JOINT]``, with the tolerance ``zero`` (0.1 m or rad).
+    fix
+        By name, the values of parameters that are known, m, rad or m/m: they are held there.
+    free
+        Names of parameters whose tolerance says nothing: the data alone determine them.
+    bounds
+        By name, the smallest and largest possible value, m, rad or m/m. A parameter that the fit puts outside is held at that
+        end, the farthest one first, and the others are fitted again.
     kinematics
         Deprecated, and not used: both former solvers gave the same result except for rounding.
     keep_effects
@@ -110,7 +122,7 @@ def calibrate(
     DatasetError
         If the dataset does not fit the robot, or is too small.
     ModelError
-        If an option has another value, or does not fit the robot or the model.
+        If an option has another value, or does not fit the robot or the model; or no parameter has a name.
     ConvergenceError
         If the fit does not converge.
 
@@ -126,6 +138,9 @@ def calibrate(
     >>> calibration = gtpin.calibrate(gtpin.Dataset.read("measured"))
     >>> calibration["length[2a]"].unit, len(calibration.names)
     ('m', 48)
+    >>> held = gtpin.calibrate(gtpin.Dataset.read("measured"), fix={"length[2a]": 2.043})
+    >>> held["length[2a]"].value, len(held.names)
+    (2.043, 47)
     """
     check_kind(dataset, Dataset)
     check_kind(robot, Chain, type(None))
@@ -135,7 +150,18 @@ def calibrate(
         raise ModelError(
             f"model {model} has no measured tracks to turn", hint="use 2, 4 or 5, or leave orientations out"
         )
-    without, kept = tuple(without), tuple(keep_effects)
+    for option, given in (("fix", fix), ("bounds", bounds)):
+        if not isinstance(given, Mapping | None):
+            raise ModelError(f"{option}={given!r}", hint="give a dictionary by the names of parameters")
+    without, kept, fixed = tuple(without), tuple(keep_effects), dict(fix or {})
+    history = list[Iteration]()
+
+    def watched(step: str, number: int, rms: float) -> None:
+        if np.isfinite(rms):  # else it announces a long calibration
+            history.append(Iteration(step, number, rms))
+        if progress is not None:
+            progress(step, number, rms)
+
     with noted() as texts, recalled(texts):
         data = replace(dataset, trusted=True) if trust_data else dataset
         robot = robot_of(dataset) if robot is None else robot
@@ -143,22 +169,32 @@ def calibrate(
             hint = f"kinds are {', '.join(TOLERANCE)}"
             raise DatasetError("unknown kind of tolerance", file=dataset.toml, column=f"tolerance.{kind}", hint=hint)
         if model is None:
-            nominal = partial(nominal_geometry, robot, directions=directions, scale=scale, without=without)
+            nominal = partial(nominal_geometry, robot, directions=directions, scale=scale, without=without, zeros=zeros)
             geometry = nominal(tolerance=dataset.tolerance)
             _warn_of_unused(dataset, nominal)
         else:
             check_actuators(robot, dataset)
             geometry = model_geometry(model, robot, dataset, orientations=orientations)
+        geometry = geometry.freed(free).holding(fixed)
+        limits = _checked_bounds(bounds or {}, (*geometry.names, *fixed))
 
         def calibrated(data: Dataset) -> Calibration:
-            if model is not None:
-                return _calibrated(without_sigmas(data), geometry, progress, doubt=False, lacking=True)
-            return _calibrated(data, geometry, progress, doubt=not without, lacking=False)
+            data, lacking = data if model is None else without_sigmas(data), model is not None
+            fitted = partial(_calibrated, data, doubt=not (lacking or without or fixed), lacking=lacking)
+            chosen = geometry
+            while limits:
+                with unheard():
+                    beyond = _beyond(fitted(chosen, None), limits)
+                if beyond is None:
+                    break
+                warn(f"{beyond[0]} is held at {beyond[1]:g}, the end of its bounds")
+                chosen = chosen.holding(dict([beyond]))
+            return fitted(chosen, watched)
 
         found = with_kept_effects(data, kept, robot, calibrated) if kept else calibrated(data)
         if found.worse:
             warn(found.worse)
-    return replace(found, dataset=dataset, paper_model=model, warnings=dataset.told(texts))
+    return replace(found, dataset=dataset, paper_model=model, warnings=dataset.told(texts), history=tuple(history))
 
 
 @in_one_thread
@@ -186,8 +222,25 @@ def _warn_of_unused(dataset: Dataset, nominal: Callable[..., Geometry]) -> None:
         )
 
 
+def _checked_bounds(bounds: Mapping[str, tuple[float, float]], names: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Bounds by name; raises `ModelError` where no parameter has a name, or the first number is not below the second."""
+    check_names(bounds, names)
+    for name, ends in bounds.items():
+        if np.shape(ends) != (2,) or not ends[0] < ends[1]:
+            raise ModelError(f"bounds of {name} are {ends!r}", hint="give the smallest and the largest value")
+    return {name: (float(low), float(high)) for name, (low, high) in bounds.items()}
+
+
+def _beyond(found: Calibration, bounds: Mapping[str, tuple[float, float]]) -> tuple[str, float] | None:
+    """The parameter that is farthest outside its bounds, in sigmas, and the end that it exceeds; None: all are inside."""
+    inside = {name: float(np.clip(found[name].value, *ends)) for name, ends in bounds.items() if name in found.names}
+    off = {name: abs(found[name].value - end) / found[name].sigma for name, end in inside.items()}
+    worst = max(off, key=lambda name: off[name], default="")
+    return (worst, inside[worst]) if off.get(worst, 0.0) > 0.0 else None
+
+
 def _calibrated(
-    dataset: Dataset, geometry: Geometry, progress: Progress | None, *, doubt: bool, lacking: bool
+    dataset: Dataset, geometry: Geometry, progress: Progress | None = None, *, doubt: bool, lacking: bool
 ) -> Calibration:
     """Fit; with ``doubt``, also check the declared noise, frame and tolerances."""
     needed = FIXED + PER_POSE * len(dataset)
@@ -201,8 +254,11 @@ def _calibrated(
     tracked = dataset.readings.tracked
     whole, usable, kept, near = usable_rows(data, nominal, tracked=tracked)
     problem = problem_of(kept, near, nominal, free=tracked and data.instrument.frame == "free")
-    found = np.array([p.kind == "platform" for p in geometry.parameters]) if data.instrument.target == "free" else None
-    fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, found)
+    if not problem.size:
+        raise ModelError("there is nothing to identify: no parameter is left", hint="leave out or hold fewer of them")
+    target = data.instrument.target == "free"
+    found = np.array([p.is_free or (target and p.kind == "platform") for p in geometry.parameters], dtype=bool)
+    fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, found if found.any() else None)
     settled = settled_fit(data, kept, fit, tracked=tracked, doubt=doubt)
     if settled.dof < FEWEST:
         numbers = len(kept) * problem.measured.components
@@ -270,6 +326,8 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tra
         instrument=instrument,
         dataset=whole,
         by_instrument=tuple(_by_instrument(readings, (before, residual, np.sqrt(floor)), out, some)),
+        fit=final,
+        row_poses=tuple(map(str, whole.pose[~aside])),
         unknowns=readings.unknowns,
         u=readings.u,
         u_covariance=final.covariance[p : p + k, p : p + k] * np.outer(problem.unit, problem.unit),

@@ -13,7 +13,7 @@ import numpy as np
 
 from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.left_out import left_out
-from gtpin.calibration.observability import Observability, observability
+from gtpin.calibration.observability import Observability, observability, with_priors
 from gtpin.calibration.problem import Problem
 from gtpin.distributions import chi2, f
 from gtpin.instruments.readings import Readings
@@ -204,10 +204,8 @@ class FitState:
 
     @cached_property
     def observability(self) -> Observability:
-        """Of the geometry; unknowns' priors are information on them, so that they count as rows of the derivative."""
-        final, p = self.final, self.fit.problem.n_geometry
-        priors = np.diag(final.problem.prior)[p:]
-        return observability(np.vstack([final.factor, priors[priors.any(axis=1)]]), p, final.residual.size)
+        """Of the geometry."""
+        return observability(with_priors(self.final), self.fit.problem.n_geometry, self.final.residual.size)
 
     @property
     def deviation(self) -> Floats:

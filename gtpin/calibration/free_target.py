@@ -30,9 +30,12 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
     """
     if dataset.instrument.target != "free":
         return geometry
-    if not any(p.kind == "platform" for p in geometry.parameters):
+    if sum(p.kind == "platform" for p in geometry.parameters) < 6:
         what = "a free target, but the TCP's place is no parameter"
-        hint = "leave target out: of a robot with rods, the joints on the platform are identified with it"
+        hint = (
+            "of a robot with rods, say where the target sits: target = [x, y, z] in an [[instrument]], TCP frame, m; of "
+            "others, hold no part of its place"
+        )
         raise DatasetError(what, file=dataset.file, column="instrument.target", hint=hint)
     check_actuators(geometry.robot, dataset)
     measured = measured_poses(dataset.take(sane_rows(dataset)))

@@ -79,10 +79,7 @@ def observability(factor: Floats, n_geometry: int, rows: int) -> Observability:
     the data by the geometry, in units of the tolerances, and then by unknowns without a prior. ``n_geometry``: number of
     columns of the geometry. ``rows``: number of measured components.
     """
-    free = factor.shape[1] - n_geometry
-    # Unknowns without a prior (a free frame) absorb a part of the information: their columns come first and are eliminated.
-    triangular = np.asarray(np.linalg.qr(np.hstack([factor[:, n_geometry:], factor[:, :n_geometry]]), mode="r"))
-    _, s, Vt = np.linalg.svd(triangular[free:, free:])
+    _, s, Vt = np.linalg.svd(of_geometry(factor, n_geometry))
     s = np.concatenate([s, np.zeros(n_geometry - len(s))])
     order, indices = np.argsort(s), {}
     if s.size:
@@ -95,6 +92,22 @@ def observability(factor: Floats, n_geometry: int, rows: int) -> Observability:
             "O5": float(1.0 / (1.0 / s).sum()) if regular else 0.0,
         }
     return Observability((s**2 / (1.0 + s**2))[order], Vt.T[:, order], indices)
+
+
+def with_priors(fitted: Fit[Problem]) -> Floats:
+    """Triangular factor of a fit's derivative, with a row for the prior of each unknown: it is information on this unknown."""
+    priors = np.diag(fitted.problem.prior)[fitted.problem.n_geometry :]
+    return np.vstack([fitted.factor, priors[priors.any(axis=1)]])
+
+
+def of_geometry(factor: Floats, n_geometry: int) -> Floats:
+    """Triangular factor of the information on the geometry alone, from that of all unknowns, as :func:`observability` has it.
+
+    Unknowns without a prior (a free frame) absorb a part of the information: their columns come first and are eliminated.
+    """
+    free = factor.shape[1] - n_geometry
+    whole = np.asarray(np.linalg.qr(np.hstack([factor[:, n_geometry:], factor[:, :n_geometry]]), mode="r"))
+    return whole[free:, free:]
 
 
 @dataclass(frozen=True)

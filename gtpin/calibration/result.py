@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gtpin.calibration.observability import Direction, Observability, Remedy
+from gtpin.calibration.gauss_newton import Fit
+from gtpin.calibration.observability import Direction, Observability, Remedy, of_geometry, with_priors
+from gtpin.calibration.problem import Problem
+from gtpin.calibration.regressor import BaseParameter, Regressor, base_parameters, regressor
 from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, InstrumentSection
 from gtpin.errors import renamed
@@ -72,6 +75,14 @@ class InstrumentFit:
         }
 
 
+class Iteration(NamedTuple):
+    """A step of a fit: the name of the fit, the number of the step in it, and the RMS residual in sigmas of its noise."""
+
+    fit: str
+    number: int
+    rms: float
+
+
 @dataclass(frozen=True, repr=False)
 class Calibration(Shown):
     """A calibrated model with its uncertainty and the quality of the fit.
@@ -118,6 +129,12 @@ class Calibration(Shown):
         (k,) identified values of the unknowns less their declared values, m or rad, and the (k, k) covariance.
     remedies
         For each unobservable direction, the measurement that would show it; None where none is known.
+    fit
+        The last fit. Its ``point.x`` has the unknowns in units of their priors.
+    row_poses
+        (N,) ids of the poses of the rows of ``fit``.
+    history
+        All iterations, in order.
     paper_model
         Number of the paper's model 1 to 5 whose parameters these are; None for the default parameters.
     warnings
@@ -153,10 +170,13 @@ class Calibration(Shown):
     instrument: InstrumentSection
     dataset: Dataset
     by_instrument: tuple[InstrumentFit, ...]
+    fit: Fit[Problem]
+    row_poses: tuple[str, ...]
     unknowns: tuple[Unknown, ...] = ()
     u: Floats = field(default_factory=lambda: np.zeros(0))
     u_covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     remedies: tuple[Remedy | None, ...] = ()
+    history: tuple[Iteration, ...] = ()
     paper_model: int | None = None
     warnings: tuple[str, ...] = ()
 
@@ -228,14 +248,28 @@ class Calibration(Shown):
         """For each actuator that carries rods: the shift of its zero that is equivalent to the shifts of its joints."""
         return equivalent_zeros(self.model.geometry, self.covariance)
 
+    @cached_property
+    def regressor(self) -> Regressor:
+        """The stacked, whitened Jacobian of the last fit with the names of its rows and columns."""
+        return regressor(self.fit, self.row_poses)
+
+    @cached_property
+    def base_parameters(self) -> tuple[BaseParameter, ...]:
+        """The sums of parameters that the data determine, where they do not determine all parameters one by one."""
+        geometry = self.model.geometry
+        return base_parameters(of_geometry(with_priors(self.fit), len(self.names)), geometry, self.covariance)
+
     @property
     def chi2_per_dof(self) -> float:
         """Chi-square per degree of freedom: 1 for a model that fits data whose noise is known."""
         return self.chi2 / self.dof
 
     def __getitem__(self, name: str) -> Estimate:
-        """One parameter's value and sigma, by its name; `ModelError` where no parameter has this name."""
-        value, index = self.model.geometry[name], self.names.index(name)
+        """One parameter's value and sigma, by its name, sigma 0 of one that was held; `ModelError` where none has this name."""
+        value = self.model.geometry[name]
+        if name not in self.names:
+            return Estimate(value, 0.0, next(p.unit for p, _ in self.model.geometry.held if p.name == name))
+        index = self.names.index(name)
         return Estimate(value, float(self.sigma[index]), self.model.geometry.parameters[index].unit)
 
     def unknown(self, name: str) -> Estimate:
@@ -277,6 +311,7 @@ class Calibration(Shown):
             "chi2_per_dof": self.chi2_per_dof,
             "iterations": self.iterations,
             "parameters": [dict(zip(keys, row, strict=True)) for row in parameters],
+            "held": {p.name: value for p, value in self.model.geometry.held},
             "unobservable": [
                 {"direction": d.weights, "learned": d.variance_reduction, "words": words} for d, words in unseen
             ],

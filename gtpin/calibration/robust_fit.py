@@ -74,8 +74,8 @@ class RobustFit:
     - ``lacking``: whether the model leaves out known causes of deviations, as the paper's models do. Then residuals of
       single visits do not count as repeatability, gross errors are judged by heavier tails, and tolerances are never
       widened.
-    - ``found``: parameters whose tolerances are no statement on the machine: (p,) True for those of a free target. None:
-      there are none.
+    - ``found``: parameters whose tolerances are no statement on the machine: (p,) True for those of a free target, and those
+      that are free. None: there are none.
     - ``gaussian``: whether the noise counts as Gaussian, however heavy the tails of the residuals are.
     """
 

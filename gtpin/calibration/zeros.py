@@ -1,4 +1,4 @@
-"""Zeros of the drives, which are not parameters of a calibration: a shifted zero moves all that its drive carries."""
+"""Zeros of the drives where they are no parameters of a calibration: a shifted zero moves all that its drive carries."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]
 
     A zero that is off by z moves joint i at command 0 by t_i z, with t_i the derivative of its position by the command: along
     the track, or about the arm's axis. From deviations c_i from nominal, z = sum t_i.c_i / sum t_i.t_i: for a track, the mean
-    deviation of the cart's joints along it.
+    deviation of the cart's joints along it. A zero that is a parameter is added.
 
     ``covariance``: (p, p) covariance of the geometry's parameters.
     """
@@ -53,6 +53,7 @@ def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]
         power = float((rates[list(robot.rods_on(a))] ** 2).sum())
         for j, own in joints_on_carrier(geometry, a) if power > 0.0 else ():
             weight[j] = rates[own, geometry.parameters[j].component].sum() / power
+        weight[[p.name == f"zero[{robot.sites[a]}]" for p in geometry.parameters]] = 1.0
         if weight.any():
             sigma = float(np.sqrt(weight @ covariance @ weight))
             unit = "rad" if actuator.revolute else "m"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated
 
 import typer
@@ -22,6 +23,7 @@ from gtpin.commands.terminal import (
     written,
 )
 from gtpin.effects.active import ActiveEffect
+from gtpin.errors import ModelError
 from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model_folder import read_model
 from gtpin.output.results import results_folder
@@ -42,6 +44,19 @@ def calibrate(
             help="Folder of an earlier model of this machine: its effects stay as they are.", metavar="<model>"
         ),
     ] = None,
+    fix: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A parameter that is known (length[2a]=2.043, m or rad); may be repeated.", metavar="<name=value>"
+        ),
+    ] = None,
+    free: Annotated[
+        list[str] | None,
+        typer.Option(help="A parameter whose tolerance says nothing; may be repeated.", metavar="<name>"),
+    ] = None,
+    zeros: Annotated[
+        bool, typer.Option("--zeros", help="The zeros of the joints are parameters too: zero[JOINT].")
+    ] = False,
     tcp: Tcp = None,
     trust_data: TrustData = False,
     force: Force = False,
@@ -57,8 +72,27 @@ def calibrate(
             kept = earlier.effects
         with progress_of("calibrating") as progress:
             calibration = run_calibration(
-                read, model=model, orientations=orientations, keep_effects=kept, progress=progress
+                read,
+                model=model,
+                orientations=orientations,
+                zeros=zeros,
+                fix=_fixed(fix or ()),
+                free=free or (),
+                keep_effects=kept,
+                progress=progress,
             )
         shown = CalibrationPresentation(calibration)
         result = shown.write(folder)
     tell(result, rendered(shown.terminal(output), written(output, CALIBRATION, "report.html")), as_json)
+
+
+def _fixed(given: Iterable[str]) -> dict[str, float]:
+    """Values by name of ``NAME=VALUE``; raises `ModelError` where one is no number."""
+    found = {}
+    for text in given:
+        name, _, value = text.partition("=")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            raise ModelError(f"--fix {text}", hint="give NAME=VALUE, in m or rad: length[2a]=2.043") from None
+    return found

@@ -45,7 +45,7 @@ def export(
     output: Annotated[
         Path,
         output_option(
-            "File; its suffix determines the format: .urdf, .yaml (plus a URDF, for example-parallel-robots), .sdf, "
+            "File; its suffix determines the format: .urdf, .yaml (plus a URDF, for example-parallel-robots), .diff, .sdf, "
             ".xml (MuJoCo), .csv (corrections of the actuators, or of --commands), .comp (LinuxCNC, a file for each joint), "
             ".cfg (Klipper), .g (RepRapFirmware, with a height map)."
         ),
@@ -59,6 +59,9 @@ def export(
             help="The format, where the suffix is another.",
         ),
     ] = None,
+    diff: Annotated[
+        bool, typer.Option("--diff", help="What changes in the robot's URDF: origins of joints and anchors of loops.")
+    ] = False,
     session: Annotated[
         str | None, typer.Option(help="Tables of corrections, and .xml: whose zero shifts they hold.")
     ] = None,
@@ -101,6 +104,7 @@ def export(
     as_json: AsJson = False,
 ) -> None:
     """Write the model for other software: URDF, SDF, MJCF, tables of corrections, corrected commands."""
+    form = "diff" if diff else form
     found = read_model(model, tcp=tcp, **chosen(actuators, home))
     with warnings.catch_warnings(record=True) as noticed:
         warnings.simplefilter("always", GtpinWarning)

@@ -13,7 +13,7 @@ from gtpin.errors import ConvergenceError, ModelError, UnreachableError, warn
 from gtpin.kinematics.inverse import check_wanted, commands_for, errors_of
 from gtpin.model.model import Frame, Model
 from gtpin.real import real
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 TOLERANCE = 1e-9
 """Largest accepted error of the TCP, m and rad."""
@@ -58,6 +58,31 @@ def compensate(
     """
     T = real(wanted, "wanted positions")
     R = None if rotations is None else real(rotations, "wanted rotations")
+    q, left = attempted(model, T, R, covariates, start)
+    lost = np.flatnonzero(np.isinf(left))
+    if lost.size:
+        raise UnreachableError(
+            f"{model.robot.name} can't bring its TCP to position {lost[0] + 1}",
+            hint="stay inside the workspace and away from singular postures, or give other commands to start from",
+        )
+    if (left > TOLERANCE).any():
+        worst = int(left.argmax())
+        raise ConvergenceError(
+            f"{int((left > TOLERANCE).sum())} of {len(T)} positions are not met, number {worst + 1} by {left[worst]:.2g} m",
+            hint="a position may lie in the gap of a rack_step: shift it a little",
+        )
+    return q
+
+
+def attempted(
+    model: Model,
+    T: Floats,
+    R: Floats | None,
+    covariates: Mapping[str, Column] | None = None,
+    start: npt.ArrayLike | None = None,
+) -> tuple[Floats, Floats]:
+    """As :func:`compensate`, (N, n) commands with (N,) the largest error of each pose, m and rad: above `TOLERANCE` where it
+    is not met, infinite where the TCP can't be brought to it. Raises `ModelError` alone."""
     if R is not None and model.robot.n_actuators < 6:
         raise ModelError(
             f"{model.robot.name} has {model.robot.n_actuators} actuators",
@@ -69,11 +94,19 @@ def compensate(
     q = np.tile(model.robot.home_q, (len(T), 1)) if start is None else real(start, "starts").copy()
     # With one or two actuators a position is met in the directions in which they move the TCP: the others are left open.
     few = model.robot.n_actuators < 3
-    q, poses = (q, kinematics.forward(q)) if few else commands_for(kinematics, T, R, q)
-    _all_there(poses.T, machine)
+    q = q if few else commands_for(kinematics, T, R, q)[0]
+    lost: Mask = np.asarray(~(np.isfinite(T).all(axis=1) & np.isfinite(q).all(axis=1)))
+    T = np.where(lost[:, None], 0.0, T)
+    R = None if R is None else np.where(lost[:, None, None], np.eye(3), R)
+    left = np.full(len(T), np.inf)
     for _ in range(STEPS):
+        q[lost] = model.robot.home_q  # where all is finite
+        poses = kinematics.forward(q)
+        if not poses.reached.all():
+            lost |= ~poses.reached
+            continue
         there = machine.predict(q, covariates)
-        _all_there(there.T, machine)
+        lost |= ~there.reached
         error = errors_of(there, T, R)
         # The Jacobian is that of the geometry. The derivatives of the effects, at most some thousandths of it, are left out:
         # each step still reduces the error by a factor of some hundreds.
@@ -81,23 +114,9 @@ def compensate(
         inverse = np.linalg.pinv(jacobian)
         if few:
             error = np.einsum("nij,njk,nk->ni", jacobian, inverse, error)
-        if np.abs(error).max(initial=0.0) <= TOLERANCE:
-            return q
-        q = q + np.einsum("nij,nj->ni", inverse, error)
-        poses = kinematics.forward(q)
-        _all_there(poses.T, machine)
-    left = np.abs(error).max(axis=1)
-    worst = int(left.argmax())
-    raise ConvergenceError(
-        f"{int((left > TOLERANCE).sum())} of {len(T)} positions are not met, number {worst + 1} by {left[worst]:.2g} m",
-        hint="a position may lie in the gap of a rack_step: shift it a little",
-    )
-
-
-def _all_there(values: Floats, model: Model) -> None:
-    lost = np.flatnonzero(~np.isfinite(values).all(axis=1))
-    if lost.size:
-        raise UnreachableError(
-            f"{model.robot.name} can't bring its TCP to position {lost[0] + 1}",
-            hint="stay inside the workspace and away from singular postures, or give other commands to start from",
-        )
+        left = np.where(lost, np.inf, np.abs(error).max(axis=1, initial=0.0))
+        open_ = (left > TOLERANCE) & ~lost
+        if not open_.any():
+            break
+        q[open_] += np.einsum("nij,nj->ni", inverse[open_], error[open_])
+    return q, left

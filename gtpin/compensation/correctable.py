@@ -28,9 +28,9 @@ def correctable(model: Model, session: str | None = None) -> tuple[ActiveEffect,
 def geometric_scales(model: Model) -> dict[str, float]:
     """Travel per command of each drive by site, from the geometry alone."""
     scales = dict.fromkeys(model.robot.sites, 1.0)
-    for parameter, deviation in zip(model.geometry.parameters, model.geometry.deviation, strict=True):
+    for parameter, deviation in model.geometry.all_deviations:
         if parameter.kind == "scale" and parameter.part in scales:
-            scales[parameter.part] += float(deviation)
+            scales[parameter.part] += deviation
     return scales
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 from gtpin.compensation.correctable import drive_scales
 from gtpin.compensation.machine import check_session
-from gtpin.errors import GtpinError, check_kind, warn
+from gtpin.errors import GtpinError, RobotError, check_kind, warn
 from gtpin.export.loss import assumed_tool, left_out, with_losses
-from gtpin.export.urdf import side_file, with_anchors, with_transmissions
+from gtpin.export.urdf import changed_origins, side_file, with_anchors, with_transmissions
 from gtpin.export.writer import Export, TablesFor, Writer
 from gtpin.extensions import extension_names, extensions
 from gtpin.model.model import Model
@@ -37,7 +38,8 @@ def export(
     ----------
     file
         The file to write; its suffix determines the format: ``.urdf``; ``.yaml`` (and a URDF of the same name in the same
-        folder, for example-parallel-robots); of the extras ``.sdf``; ``.xml`` (MJCF); ``.csv`` (a table of corrections);
+        folder, for example-parallel-robots); ``.diff`` (what changes in the robot's URDF: origins and anchors); of the extras
+        ``.sdf``; ``.xml`` (MJCF); ``.csv`` (a table of corrections);
         ``.comp`` (LinuxCNC's compensation files, ``FILE_SITE.comp`` for each actuator); ``.cfg`` (Klipper); ``.g``
         (RepRapFirmware's macro, and a height map in the same folder).
     form
@@ -124,5 +126,17 @@ def _parallel_robots(model: Model, file: Path, session: str | None, tables: Tabl
     return Export({file.name: side_file(robot), f"{file.stem}.urdf": with_anchors(robot)}, left_out(model))
 
 
-OWN = {"urdf": Writer(_urdf, ".urdf"), "parallel-robots": Writer(_parallel_robots, ".yaml")}
+def _diff(model: Model, file: Path, session: str | None, tables: TablesFor) -> Export:
+    robot, after = model.robot.description, replace(model, geometry=model.geometry.at_tool())
+    if robot.kind != "urdf":
+        raise RobotError(f"{robot.name} was read from an MJCF, which has no origins", hint="write its URDF or MJCF")
+    text = changed_origins(robot.xml, calibrated_urdf(after), f"{robot.name}.urdf")
+    return Export({file.name: text}, left_out(model))
+
+
+OWN = {
+    "urdf": Writer(_urdf, ".urdf"),
+    "parallel-robots": Writer(_parallel_robots, ".yaml"),
+    "diff": Writer(_diff, ".diff"),
+}
 """The formats that are no extras."""

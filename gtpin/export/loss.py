@@ -185,7 +185,7 @@ def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:
     rods``, ``measured tracks``, ``instrument's frame``.
     """
     geometry = model.geometry
-    moved = [p for p, d in zip(geometry.parameters, geometry.deviation, strict=True) if d != 0.0]
+    moved = [p for p, d in geometry.all_deviations if d != 0.0]
     has = {
         "drive scales": any(p.kind == "scale" for p in moved),
         "directions of single rods": any(p.kind in DIRECTIONS and p.part not in geometry.robot.sites for p in moved),

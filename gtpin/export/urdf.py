@@ -1,10 +1,10 @@
-"""URDFs for other software: drive scales as transmissions; loops in the format of ``example-parallel-robots``."""
+"""URDFs for other software: drive scales as transmissions; loops in the format of ``example-parallel-robots``; changes."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from xml.etree.ElementTree import Element, SubElement
+from collections.abc import Iterator, Mapping
+from xml.etree.ElementTree import Element, SubElement, tostring
 
 from gtpin.errors import RobotError
 from gtpin.export.xml_text import numbers, xml_text
@@ -82,6 +82,42 @@ def side_file(robot: Chain) -> str:
         "name_mot": [actuator.joint for actuator in robot.actuators],
     }
     return "".join(f"{key}: {json.dumps(value)}\n" for key, value in lines.items())
+
+
+def changed_origins(before: str, after: str, file: str) -> str:
+    """What a calibration changes of a URDF, as a unified diff of these elements alone: the origins of joints, the anchors of
+    loops, and in ``<gtpin>`` the TCP's link, home and planes. A joint that is new, of a TCP that had none, is shown whole.
+
+    ``before``, ``after``: the URDFs. ``file``: the name of the first, for the heading.
+    """
+    lines = [f"--- {file}", f"+++ {file} (calibrated)"]
+    old, new = (dict(_places(parse_xml(text, file))) for text in (before, after))
+    for place in dict.fromkeys([*old, *new]):
+        was = [f"-{_line(old[place][0])}"] if place in old else []
+        now = [f"+{_line(new[place][0 if was else 1])}"] if place in new else []
+        if not (was and now and was[0][1:] == now[0][1:]):
+            lines += [f"@@ {place} @@", *was, *now]
+    return "\n".join(lines) + "\n"
+
+
+def _places(root: Element) -> Iterator[tuple[str, tuple[Element, Element]]]:
+    """Names of all that has a place in a URDF, with the element that says it and the one that this belongs to."""
+    for joint in root.findall("joint"):
+        origin = joint.find("origin")
+        own = Element("origin", xyz="0 0 0", rpy="0 0 0") if origin is None else origin
+        yield f"joint {joint.get('name')}", (own, joint)
+    for loop in root.findall("loop_joint"):
+        for end in ("link1", "link2"):
+            if (anchor := loop.find(end)) is not None:
+                yield f"loop_joint {loop.get('name')} {end}", (anchor, loop)
+    for tag in ("platform", "home", "plane"):
+        for number, own in enumerate(root.findall(f"gtpin/{tag}")):
+            yield f"gtpin {tag}{f' {number + 1}' if tag == 'plane' else ''}", (own, own)
+
+
+def _line(element: Element) -> str:
+    """An element on one line."""
+    return " ".join(tostring(element, encoding="unicode").split()).replace("> <", "><")
 
 
 def _mount(root: Element, name: str, anchor: Element) -> None:

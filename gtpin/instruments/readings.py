@@ -157,6 +157,16 @@ class Readings:
         """Declared sigma of each of the G groups, m or rad; None where it is to be estimated."""
         return tuple(sigma for *_, sigma in self._groups)
 
+    @cached_property
+    def number_names(self) -> npt.NDArray[np.str_]:
+        """(N, c) name of each number: its component, ``x``, after the name of an instrument that has one: ``wire.range``."""
+
+        def own(_: int, one: Instrument) -> npt.NDArray[np.str_]:
+            names = [f"{one.name}.{c.name}" if one.name else c.name for c in one.components]
+            return np.broadcast_to(np.array(names, dtype=object), (one.read.count, len(names)))
+
+        return self._each(own)
+
     @property
     def group_names(self) -> tuple[str, ...]:
         """(G,) the instrument's name for each group."""

@@ -255,7 +255,7 @@ class Kinematics:
 
     @property
     def _is_plain(self) -> bool:
-        return not self.geometry.deviation.any()
+        return self.geometry.is_nominal
 
     def _regularity(self, D: Floats) -> Floats:
         """(N,) squares of the determinants of D over that of home's, negative on the other side of a singularity."""

@@ -69,7 +69,7 @@ def placed_by(geometry: Geometry) -> PlacedParts:
     robot = geometry.robot
     anchors = np.array([M.translation for _, M in robot.anchors]).reshape(-1, 3)
     tcp = numbers(robot.tcp_placement * pin.exp6(geometry.platform))
-    if not geometry.deviation.any():
+    if geometry.is_nominal:
         return PlacedParts(None, anchors, tcp)
     placements, J = own_placements(robot), frame_of_tcp(robot)
     for frame, twist in _total_twists(geometry).items():
@@ -84,7 +84,7 @@ def placed_by(geometry: Geometry) -> PlacedParts:
 def _total_twists(geometry: Geometry) -> dict[int, Floats]:
     """By index of a frame, the sum (6,) of its twists by all parameters."""
     found = {frame_of_tcp(geometry.robot): geometry.platform}
-    for parameter, deviation in zip(geometry.parameters, geometry.deviation, strict=True):
+    for parameter, deviation in geometry.all_deviations:
         if deviation and parameter.kind != "platform":  # a free target's place counts from the robot's TCP
             for frame, twist in parameter.moves:
                 found[frame] = found.get(frame, 0.0) + deviation * twist

@@ -246,7 +246,7 @@ def geometry_jacobian(posture: ClosedPosture, geometry: Geometry) -> Floats:
         raise ModelError("the geometry is another robot's", hint="load both from one URDF")
     if type(geometry) is not Geometry:
         raise ModelError("shared rods and measured tracks are not in the URDF", hint="use the model's kinematics")
-    if np.any(geometry.deviation != 0.0):
+    if not geometry.is_nominal:
         raise ModelError("the posture is not of this geometry", hint="load the calibrated URDF and move its home there")
     poses = Poses(posture.T[None], posture.R[None], configuration=posture.configuration[None])
     return _frozen(Kinematics(geometry).geometry_jacobian(posture.q[None], poses)[0, :6])

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from gtpin.errors import ClosureError, ModelError
 from gtpin.kinematics.arguments import like, rows_of, wanted
@@ -350,23 +351,32 @@ class Robot(Chain):
 
 
 def load_robot(
-    robot: str | Path, tcp: str | None = None, actuators: Sequence[str] = (), home: Sequence[float] | str = ()
+    robot: str | Path | pin.Model,
+    tcp: str | None = None,
+    actuators: Sequence[str] = (),
+    home: Sequence[float] | str = (),
+    constraints: Sequence[Any] = (),
 ) -> Robot:
-    """Load a robot by its name or by the path of its URDF or MJCF file.
+    """Load a robot by its name or by the path of its URDF or MJCF file, or take a Pinocchio model.
 
     Parameters
     ----------
     robot
         The name of a shipped robot, or of one of the package example-robot-data; or a path. A string is a path if it ends in
         ``.urdf``, ``.xml``, ``.mjcf`` or ``.yaml`` (the loops of the URDF of the same name beside it), if it contains a
-        separator, or if a file but no robot has this name.
+        separator, or if a file but no robot has this name. Or a ``pinocchio.Model``: what is supported of it is in
+        :func:`~gtpin.robot.pinocchio_model.urdf_of`.
     tcp
         The link whose pose is the robot's pose; None: the one that the file names.
     actuators
         The joints that are commanded, in the order of q; by default those that the file names, else all that move.
     home
         (n,) commands, m or rad, of the home posture, which chooses the assembly; or the name of a keyframe of an MJCF. By
-        default the home that the file names: of an MJCF its first keyframe.
+        default the home that the file names: of an MJCF its first keyframe. Of a ``pinocchio.Model``, the name of one of its
+        reference configurations.
+    constraints
+        The constraint models that close the loops of a ``pinocchio.Model``: ``RigidConstraintModel`` (3D or 6D),
+        ``PointAnchorConstraintModel`` or ``FrameAnchorConstraintModel``. ``actuators`` then names the driven joints.
 
     Raises
     ------
@@ -387,4 +397,4 @@ def load_robot(
     >>> gtpin.load_robot("panda", tcp="panda_hand", actuators=[f"panda_joint{i}" for i in range(1, 8)]).n_actuators
     7
     """
-    return library.loaded(Robot, robot, tcp, actuators, home)
+    return library.loaded(Robot, robot, tcp, actuators, home, constraints)

@@ -11,11 +11,11 @@ from gtpin.model.dh import table_with_base
 from gtpin.model.model import Model
 from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.geometry import Geometry
+from gtpin.robot.parameters import TOLERANCE
 from gtpin.typing import Floats
 
-ZERO = 0.1
-"""Prior standard deviation of a joint's zero, m or rad. A zero is set when the machine is assembled or mastered, so that no
-manufacturing tolerance bounds it. Assumed: 6 degrees."""
+ZERO = TOLERANCE["zero"]
+"""Prior standard deviation of a joint's zero, m or rad."""
 GAIN = 3.0
 """Gain in log evidence, nats, from which a joint's zero is off by more than the tolerances explain: the prior odds are one in
 twenty joints. Assumed."""
@@ -80,7 +80,7 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
     if not len(q):
         return ()
     J = middle.geometry_jacobian(q, poses)[:, :3]
-    if not model.frame.is_base:
+    if model.stands_anywhere:
         J = _without_rigid_motion(J, poses.T)
     table, found = table_with_base(model), []
     # Where the place of the target is unknown, the data say nothing of the tool.
@@ -154,14 +154,16 @@ def _declared(geometry: Geometry) -> Floats:
     usual = {p.name: p.tolerance for p in Geometry.nominal(geometry.robot).parameters}
     return np.array(
         [
-            usual.get(p.name, p.tolerance) if p.tolerance >= WIDENED * usual.get(p.name, np.inf) else p.tolerance
+            usual.get(p.name, p.tolerance)
+            if p.tolerance >= WIDENED * usual.get(p.name, np.inf) and not p.is_free
+            else p.tolerance
             for p in geometry.parameters
         ]
     )
 
 
 def _zeros(geometry: Geometry) -> list[tuple[str, str, Floats]]:
-    """Name and unit of each joint's zero, and the deviations (p,) of the parameters by 1 m or rad of it."""
+    """Name and unit of each joint's zero that is no parameter, and (p,) deviations of the parameters by 1 m or rad of it."""
     robot, found = geometry.robot, []
     rates = carrier_rates(geometry)
     for a, actuator in enumerate(robot.actuators):
@@ -171,6 +173,6 @@ def _zeros(geometry: Geometry) -> list[tuple[str, str, Floats]]:
         for j, p in enumerate(geometry.parameters):
             if p.kind == "placement" and p.part == robot.model.names[actuator.joint_id]:
                 way[j] = axis[p.component]
-        if way.any():
+        if way.any() and f"zero[{actuator.site}]" not in geometry.names:
             found.append((f"zero[{actuator.site}]", "rad" if actuator.revolute else "m", way))
     return found

@@ -98,7 +98,10 @@ def _directions(geometry: Geometry) -> tuple[list[tuple[str, str, str, float]], 
     pin.forwardKinematics(robot.model, data, robot.with_commands(robot.neutral, np.zeros(robot.n_actuators)))
     rows: list[tuple[str, str, str, float]] = []
     motions: list[tuple[int, Floats]] = []
-    index = {(p.kind, p.part, p.component): i for i, p in enumerate(geometry.parameters)}
+    placing: dict[int, list[tuple[int, Floats]]] = {}  # by joint: the parameters that displace it, and their twists
+    for i, p in enumerate(geometry.parameters):
+        for frame, twist in p.moves:
+            placing.setdefault(frame + 1, []).append((i, twist))
 
     def add(site: str, name: str, value: float, joint: int, twist: Any) -> None:
         rows.append((site, name, "rad" if name in TURNS else "m", value))
@@ -148,7 +151,8 @@ def _directions(geometry: Geometry) -> tuple[list[tuple[str, str, str, float]], 
             add(own.site, "beta", 0.0, after.joint_id, _about(np.cross(z, x), origin))
     V = np.zeros((len(geometry.parameters), len(motions)))
     for k, (joint, twist) in enumerate(motions):
-        V[[index["placement", robot.model.names[joint], c] for c in range(6)], k] = twist
+        columns, twists = zip(*placing[joint], strict=True)
+        V[list(columns), k] = np.linalg.solve(np.column_stack(twists), twist)
     tool = [i for i, p in enumerate(geometry.parameters) if p.kind == "platform"]
     rows += [("tool", p.name.split(".")[-1], p.unit, 0.0) for p in (geometry.parameters[i] for i in tool)]
     return rows, np.hstack([V, np.eye(len(V))[:, tool]])

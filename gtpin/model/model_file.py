@@ -64,7 +64,7 @@ class UnexplainedRecord(Record):
 class ModelFile(Record):
     """The whole of ``model.json``; docs/export.md explains the keys."""
 
-    optional = ("target", "joint_covariance", "fit", "unexplained")  # older versions do not know them
+    optional = ("target", "held", "joint_covariance", "fit", "unexplained")  # older versions do not know them
     schema_: Literal["gtpin-model/1"] = Field(alias="schema")
     robot: str
     nominal_urdf: str
@@ -76,6 +76,7 @@ class ModelFile(Record):
     parameters: dict[str, Finite]
     tolerance: dict[str, Positive]
     target: list[Finite] | None = Field(default=None, min_length=6, max_length=6)
+    held: dict[str, Finite] = Field(default_factory=dict)
     covariance: list[list[Finite]] | None = None
     joint_covariance: list[list[Finite]] | None = None
     fit: FitRecord | None = None

@@ -36,7 +36,7 @@ from gtpin.paper.geometry import PaperGeometry, Per, nominal_geometry
 from gtpin.paper.tracks import MeasuredTrack
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.geometry import Geometry
+from gtpin.robot.geometry import Geometry, check_names
 from gtpin.robot.library import load_robot
 from gtpin.robot.parameters import DIRECTIONS
 from gtpin.typing import Floats
@@ -110,14 +110,14 @@ def _listed(values: Floats | None) -> Any:
 
 
 def _scales(geometry: Geometry) -> Per | None:
-    parts = {p.part for p in geometry.parameters if p.kind == "scale"}
+    parts = {p.part for p, _ in geometry.all_deviations if p.kind == "scale"}
     return ("actuator" if parts <= set(geometry.robot.sites) else "rod") if parts else None
 
 
 def _content(model: Model) -> ModelFile:
     geometry, frame = model.geometry, model.frame
     sites = geometry.robot.sites
-    single = {p.kind for p in geometry.parameters if p.part not in sites}
+    single = {p.kind for p, _ in geometry.all_deviations if p.part not in sites}
     tracks = geometry.tracks if isinstance(geometry, PaperGeometry) else ()
     return ModelFile(
         schema=SCHEMA,
@@ -134,6 +134,7 @@ def _content(model: Model) -> ModelFile:
         parameters={name: float(value) for name, value in zip(geometry.names, geometry.values, strict=True)},
         tolerance={p.name: p.tolerance for p in geometry.parameters},
         target=None if geometry.target is None else [p.nominal for p in geometry.parameters if p.kind == "platform"],
+        held={p.name: value for p, value in geometry.held},
         covariance=_listed(model.covariance),
         joint_covariance=_listed(model.joint_covariance),
         fit=None if model.fit is None else FitRecord(**asdict(model.fit)),
@@ -225,7 +226,7 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
     content = read_model_file(file)
     if Path(content.nominal_urdf).name != content.nominal_urdf:
         raise ModelError("the nominal URDF is not in the model's folder", file=file, column="nominal_urdf", hint=AGAIN)
-    for name, value in content.parameters.items():
+    for name, value in (content.parameters | content.held).items():
         if name.startswith("length[") and value <= 0.0:
             raise ModelError(f"{name} is {value:g} m", file=file, column=f"parameters.{name}", hint=AGAIN)
     robot = Chain(RobotDescription.read(folder / content.nominal_urdf), content.tcp)
@@ -265,10 +266,11 @@ def _geometry(robot: Chain, content: ModelFile) -> Geometry:
     tracks = tuple(None if t is None else _track(t) for t in content.tracks)
     if tracks and len(tracks) != len(robot.rod_sites):
         raise ModelError(f"{len(tracks)} tracks for {len(robot.rod_sites)} rods")
-    full = nominal_geometry(robot, directions=content.directions, scale=content.scale, arm=content.arm, tracks=tracks)
-    unknown = sorted(set(content.parameters) - set(full.names))
-    if unknown:
-        raise ModelError(f"no parameter is called {unknown[0]!r}")
+    zeros = any(name.startswith("zero[") for name in (*content.parameters, *content.held))
+    options = {"directions": content.directions, "scale": content.scale, "arm": content.arm, "tracks": tracks}
+    full = nominal_geometry(robot, **options, zeros=zeros)  # type: ignore[arg-type]
+    check_names(content.parameters, full.names)
+    full = full.holding(content.held)
     kept = tuple(p for p in full.parameters if p.name in content.parameters)
     values = np.array([content.parameters[p.name] for p in kept])
     tolerances = (content.tolerance.get(p.name, p.tolerance) for p in kept)
@@ -287,9 +289,9 @@ def _check_values(geometry: Geometry) -> None:
     """Raise `ModelError`, with the parameter, for a value that no machine has, or where the loops don't close at home."""
     largest = {"m": FARTHEST * geometry.robot.size, "rad": np.pi, "m/m": FARTHEST}
     moved = geometry.deviation
-    for parameter, value, deviation in zip(geometry.parameters, geometry.values, moved, strict=True):
+    for parameter, deviation in geometry.all_deviations:
         if abs(deviation) > largest[parameter.unit]:
-            what = f"{value:g} {parameter.unit}, where {parameter.nominal:g} is nominal"
+            what = f"{parameter.nominal + deviation:g} {parameter.unit}, where {parameter.nominal:g} is nominal"
             raise ModelError(what, column=f"parameters.{parameter.name}")
     if geometry.robot.constraints and moved.any() and not Model(geometry).kinematics.home.reached.all():
         i = int(np.argmax(np.abs(moved) / geometry.tolerance))

@@ -19,6 +19,22 @@ def predict(model: Model, commands: Commands) -> Poses:
     covariate is missing that an active effect needs; the message names the row or the column. `UnreachableError` if a pose
     can't be reached; the message names its row. Warns: names effects that are extrapolated, and where they were fitted.
     """
+    poses = predicted(model, commands)
+    lost = np.flatnonzero(~poses.reached)
+    if lost.size:
+        first = int(lost[0])
+        more = f" (and {lost.size - 1} more)" if lost.size > 1 else ""
+        raise UnreachableError(
+            f"{model.robot.name} can't reach pose {commands.pose[first]}{more} from its home without opening its loops",
+            file=commands.file,
+            row=int(commands.row[first]),
+            hint="leave it out, or check its commands, and the assembly that its home chooses",
+        )
+    return poses
+
+
+def predicted(model: Model, commands: Commands) -> Poses:
+    """As :func:`predict`, with NaN for the poses that can't be reached."""
     robot = model.robot
     commands = without_whole_turns(commands, robot)
     check_commands(commands, robot)
@@ -32,20 +48,9 @@ def predict(model: Model, commands: Commands) -> Poses:
         )
     warn_of_extrapolation(model.effects, robot, commands.q)
     try:
-        poses = model.predict(commands.q, commands.covariates)
+        return model.predict(commands.q, commands.covariates)
     except ModelError as error:
         raise ModelError(error.what, file=commands.file, column=error.column, hint=error.hint) from None
-    lost = np.flatnonzero(~poses.reached)
-    if lost.size:
-        first = int(lost[0])
-        more = f" (and {lost.size - 1} more)" if lost.size > 1 else ""
-        raise UnreachableError(
-            f"{robot.name} can't reach pose {commands.pose[first]}{more} from its home without opening its loops",
-            file=commands.file,
-            row=int(commands.row[first]),
-            hint="leave it out, or check its commands, and the assembly that its home chooses",
-        )
-    return poses
 
 
 def prediction_columns(commands: Commands, poses: Poses) -> dict[str, Column]:

@@ -39,6 +39,7 @@ class PaperGeometry(Geometry):
         tracks: tuple[MeasuredTrack | None, ...] = (),
         tolerance: Mapping[str, float] | None = None,
         without: Iterable[str] = (),
+        zeros: bool = False,
     ) -> PaperGeometry:
         """The nominal geometry of a robot with rods, with the parameters that a calibration shall identify.
 
@@ -50,6 +51,8 @@ class PaperGeometry(Geometry):
         Raises `ModelError` if an option has another value, or a kind of tolerance or a name is not known.
         """
         _check(directions, scale, arm)
+        if zeros:
+            raise ModelError("zeros of joints beside parameters of single rods", hint="leave one of them out")
         core = rod_parameters(robot, all_tolerances(robot, tolerance or {}), scale=True)
         measured = [bool(tracks) and tracks[i] is not None for i in range(len(robot.rods))]
         found = list(
@@ -63,7 +66,7 @@ class PaperGeometry(Geometry):
                 found += [p] if p.component == 0 else [p, replace(p, name=p.name[:-1] + "c", tolerance=roll, moves=())]
         found += _of_drives(robot, core, measured, "actuator" if arm == "reduced" and scale else scale, ("scale",))
         parameters = without_names(found, without)
-        return PaperGeometry(robot, parameters, np.array([p.nominal for p in parameters]), tracks)
+        return PaperGeometry(robot, parameters, np.array([p.nominal for p in parameters]), tracks=tracks)
 
     @property
     def positions_only(self) -> bool:
@@ -107,13 +110,15 @@ def nominal_geometry(
     tracks: tuple[MeasuredTrack | None, ...] = (),
     tolerance: Mapping[str, float] | None = None,
     without: Iterable[str] = (),
+    zeros: bool = False,
 ) -> Geometry:
     """The nominal geometry with these parameters: the robot's own where it has them, else the paper's; see `PaperGeometry`."""
     _check(directions, scale, arm)
     if robot.rods and (directions == "rod" or scale == "rod" or arm == "reduced" or tracks):
-        options = {"directions": directions, "scale": scale, "arm": arm, "tracks": tracks}
+        options = {"directions": directions, "scale": scale, "arm": arm, "tracks": tracks, "zeros": zeros}
         return PaperGeometry.nominal(robot, **options, tolerance=tolerance, without=without)  # type: ignore[arg-type]
-    return Geometry.nominal(robot, scale="actuator" if scale else None, tolerance=tolerance, without=without)
+    per: Literal["actuator"] | None = "actuator" if scale else None
+    return Geometry.nominal(robot, scale=per, tolerance=tolerance, without=without, zeros=zeros)
 
 
 def _check(directions: str, scale: str | None, arm: str) -> None:

@@ -252,7 +252,7 @@ class PaperKinematics(Kinematics):
 
     @property
     def _is_plain(self) -> bool:
-        return not self.geometry.tracks and not self.geometry.deviation.any()
+        return not self.geometry.tracks and self.geometry.is_nominal
 
     def _own(self, i: int, q: Floats) -> Floats:
         """(N,) travel of a rod's own actuator, m or rad; zero where it has none."""

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from functools import cached_property
 from typing import Literal, Self
 
 import numpy as np
 
 from gtpin.errors import ModelError
+from gtpin.real import real
 from gtpin.robot.chain import Chain
-from gtpin.robot.parameters import Parameter, all_tolerances, placement_parameters, rod_parameters
+from gtpin.robot.parameters import FREE, Parameter, all_tolerances, placement_parameters, rod_parameters
 from gtpin.typing import Floats, Mask
 
 
@@ -27,6 +29,8 @@ class Geometry:
         The parameters that a calibration can identify. All others keep their nominal values.
     values
         (p,) their values, m, rad or m/m, in the order of ``parameters``.
+    held
+        Parameters that a calibration does not identify, each with the value that it has.
 
     Examples
     --------
@@ -42,6 +46,7 @@ class Geometry:
     robot: Chain
     parameters: tuple[Parameter, ...]
     values: Floats
+    held: tuple[tuple[Parameter, float], ...] = ()
 
     def __post_init__(self) -> None:
         frozen = np.array(self.values, dtype=float)
@@ -63,6 +68,7 @@ class Geometry:
         scale: Literal["actuator"] | None = None,
         tolerance: Mapping[str, float] | None = None,
         without: Iterable[str] = (),
+        zeros: bool = False,
     ) -> Geometry:
         """The nominal geometry, with the parameters that a calibration shall identify.
 
@@ -78,6 +84,9 @@ class Geometry:
             robot's.
         without
             Names, or beginnings of names (``track_direction``, ``length[2a]``), of parameters that keep their nominal values.
+        zeros
+            Whether the zeros of the commanded joints are parameters, ``zero[JOINT]``; of a robot without rods each is in the
+            place of the rotation (of a sliding joint: shift) about its axis.
 
         Raises
         ------
@@ -88,9 +97,9 @@ class Geometry:
             raise ModelError(f"scale={scale!r}", hint="use None or actuator")
         tolerances = all_tolerances(robot, tolerance or {})
         if robot.rods:
-            parameters = rod_parameters(robot, tolerances, scale=scale is not None)
+            parameters = rod_parameters(robot, tolerances, scale=scale is not None, zeros=zeros)
         else:
-            parameters = placement_parameters(robot, tolerances)
+            parameters = placement_parameters(robot, tolerances, zeros=zeros)
         kept = without_names(parameters, without)
         return Geometry(robot, kept, np.array([p.nominal for p in kept]))
 
@@ -108,6 +117,38 @@ class Geometry:
     def deviation(self) -> Floats:
         """(p,) values less nominal values, m, rad or m/m."""
         return np.asarray(self.values - np.array([p.nominal for p in self.parameters]))
+
+    @property
+    def all_deviations(self) -> tuple[tuple[Parameter, float], ...]:
+        """All parameters, also those that are held, each with its deviation from nominal, m, rad or m/m."""
+        own = zip(self.parameters, self.deviation.tolist(), strict=True)
+        return (*own, *((p, value - p.nominal) for p, value in self.held))
+
+    @property
+    def is_nominal(self) -> bool:
+        """Whether no parameter deviates from nominal."""
+        return not any(deviation for _, deviation in self.all_deviations)
+
+    def holding(self, fixed: Mapping[str, float]) -> Self:
+        """The geometry with some parameters held at values, m, rad or m/m, so that a calibration does not identify them.
+
+        Raises `ModelError` where a name is no parameter's, or a value is no finite number.
+        """
+        check_names(fixed, self.names)
+        for name, value in fixed.items():
+            if real(value, name).ndim or not np.isfinite(value):
+                raise ModelError(f"{name} is held at {value!r}", hint="give a finite number, m, rad or m/m")
+        kept = [i for i, p in enumerate(self.parameters) if p.name not in fixed]
+        held = ((p, float(fixed[p.name])) for p in self.parameters if p.name in fixed)
+        parameters = tuple(self.parameters[i] for i in kept)
+        return replace(self, parameters=parameters, values=self.values[kept], held=(*self.held, *held))
+
+    def freed(self, names: Iterable[str]) -> Self:
+        """The geometry with the tolerance `FREE` of some parameters; `ModelError` where a name is no parameter's."""
+        chosen = {names} if isinstance(names, str) else set(names)
+        check_names(chosen, self.names)
+        parameters = (replace(p, tolerance=FREE) if p.name in chosen else p for p in self.parameters)
+        return replace(self, parameters=tuple(parameters))
 
     @property
     def positions_only(self) -> bool:
@@ -128,14 +169,14 @@ class Geometry:
 
     @cached_property
     def _off(self) -> dict[str, float]:
-        return dict(zip(self.names, self.deviation.tolist(), strict=True))
+        return {parameter.name: deviation for parameter, deviation in self.all_deviations}
 
     @property
     def platform(self) -> Floats:
         """(6,) twist, m and rad, by which what is measured, the TCP or the :attr:`target`, is displaced from the TCP of the
         robot's file; zero where these are no parameters."""
         twist = np.zeros(6)
-        for parameter, value in zip(self.parameters, self.values, strict=True):
+        for parameter, value in (*zip(self.parameters, self.values, strict=True), *self.held):
             if parameter.kind == "platform":
                 twist[parameter.component] = value
         return twist
@@ -160,16 +201,24 @@ class Geometry:
     def scale(self) -> Floats:
         """(n,) travel of each actuator per commanded unit."""
         found = np.ones(self.robot.n_actuators)
-        for parameter, deviation in zip(self.parameters, self.deviation, strict=True):
+        for parameter, deviation in self.all_deviations:
             if parameter.drive is not None:
                 found[parameter.drive] += deviation
         return found
 
     def __getitem__(self, name: str) -> float:
         """One parameter's value, m, rad or m/m, by its name; `ModelError` where no parameter has this name."""
-        if name not in self.names:
-            raise ModelError(f"no parameter is called {name!r}", hint=f"names look like {self.names[0]}")
-        return float(self.values[self.names.index(name)])
+        held = {p.name: value for p, value in self.held}
+        check_names([name], (*self.names, *held))
+        return held[name] if name in held else float(self.values[self.names.index(name)])
+
+
+def check_names(chosen: Iterable[str], names: Sequence[str]) -> None:
+    """Raise `ModelError`, with the names that are most alike, where one that was chosen is not among ``names``."""
+    for name in chosen:
+        if name not in names:
+            near = get_close_matches(str(name), names, n=3, cutoff=0.4) or names[:1]
+            raise ModelError(f"no parameter is called {name!r}", hint=f"did you mean {', '.join(near)}?")
 
 
 def without_names(parameters: Sequence[Parameter], without: Iterable[str]) -> tuple[Parameter, ...]:

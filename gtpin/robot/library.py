@@ -9,12 +9,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
+
+import pinocchio as pin
 
 from gtpin.errors import RobotError, unheard, warn
 from gtpin.references import is_path
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import CONVERT, RobotDescription
+from gtpin.robot.pinocchio_model import urdf_of
 from gtpin.robot.resting import with_actuators, with_home
 
 PACKAGE = "example-robot-data"
@@ -113,10 +116,23 @@ def load_robot(
 
 
 def loaded(
-    kind: type[AnyRobot], robot: str | Path, tcp: str | None, actuators: Sequence[str], home: Sequence[float] | str
+    kind: type[AnyRobot],
+    robot: str | Path | pin.Model,
+    tcp: str | None,
+    actuators: Sequence[str],
+    home: Sequence[float] | str,
+    constraints: Sequence[Any] = (),
 ) -> AnyRobot:
-    """A robot of a class, by its name or path; notes on it are warnings."""
-    described = RobotDescription.read(robot_path(robot), home if isinstance(home, str) else "")
+    """A robot of a class, by its name or path, or from a model; notes on it are warnings."""
+    named = home if isinstance(home, str) else ""
+    if isinstance(robot, pin.Model):
+        described = RobotDescription.parse(urdf_of(robot, constraints, named), "the pinocchio.Model")
+    elif constraints:
+        raise RobotError(
+            "constraints of a file", hint="give them with a pinocchio.Model; a file has <loop_joint> elements"
+        )
+    else:
+        described = RobotDescription.read(robot_path(robot), named)
     described = with_actuators(described, actuators)
     if len(home) and not isinstance(home, str):
         with unheard():  # the robot itself warns

@@ -9,6 +9,7 @@ import numpy as np
 
 from gtpin.errors import ModelError
 from gtpin.robot.chain import Chain
+from gtpin.robot.constrained_model import Actuator, joint_axis
 from gtpin.robot.placement_frames import frame_of_anchor, frame_of_joint, frame_of_tcp, shift, turned
 from gtpin.robot.rods import Rod
 from gtpin.typing import Floats
@@ -25,8 +26,13 @@ TOLERANCE: Mapping[str, float] = {
     "scale": 5e-4,
     "placement_position": 5e-4,
     "placement_rotation": 5e-4,
+    "zero": 0.1,
 }
-"""1-sigma tolerances (m, rad, m/m) by kind, where neither the URDF nor the dataset gives one. Assumed."""
+"""1-sigma tolerances (m, rad, m/m) by kind, where neither the URDF nor the dataset gives one. Assumed; that of a joint's zero,
+0.1 m or 6 degrees, is wide because a zero is set when the machine is assembled or mastered, and no manufacturing tolerance
+bounds it."""
+FREE = 1.0
+"""Tolerance, m, rad or m/m, of a parameter that is freed: a prior that says nothing. No machine is so far from its drawing."""
 JOINTS = ("platform_joint", "cart_joint", "arm_joint", "base_joint")
 KINDS = (*TOLERANCE, *(f"{kind}_{axis}" for kind in JOINTS for axis in "xyz"))
 """Kinds for which a tolerance may be given; for positions of joints also for a single axis, as ``base_joint_z``."""
@@ -68,6 +74,11 @@ class Parameter:
     def part(self) -> str:
         """The part that has it: what stands in the name's brackets; empty for the platform."""
         return self.name.rpartition("]")[0].partition("[")[2]
+
+    @property
+    def is_free(self) -> bool:
+        """Whether its tolerance is no statement on the machine, and the data alone determine it."""
+        return self.tolerance >= FREE or self.kind == "zero"
 
     @property
     def component(self) -> int:
@@ -119,8 +130,23 @@ def direction_of(robot: Chain, actuator: int) -> str:
     return "arm_axis" if robot.actuators[actuator].revolute else "track_direction"
 
 
-def rod_parameters(robot: Chain, tolerances: Mapping[str, float], *, scale: bool) -> list[Parameter]:
+def zero_of(robot: Chain, actuator: Actuator, tolerances: Mapping[str, float]) -> Parameter:
+    """The zero of an actuator's joint: its coordinate, and those of joints that follow it, at command 0."""
+    joints = {int(v): j for j, v in enumerate(robot.model.idx_vs) if j}
+    followers = ((joints[f.index_v], f.multiplier) for f in robot.followers if f.master_v == actuator.index_v)
+    moves = (
+        (frame_of_joint(j), ratio * joint_axis(robot.model, j)) for j, ratio in ((actuator.joint_id, 1.0), *followers)
+    )
+    unit = "rad" if actuator.revolute else "m"
+    return Parameter(f"zero[{actuator.site}]", unit, 0.0, tolerances["zero"], tuple(moves))
+
+
+def rod_parameters(
+    robot: Chain, tolerances: Mapping[str, float], *, scale: bool, zeros: bool = False
+) -> list[Parameter]:
     """Parameters of a robot with rods: lengths, joints, directions and scales; only declared unknown ones without ``scale``.
+
+    ``zeros``: also those of its joints. A zero moves all joints of rods on a carrier, each of which has a tolerance of its own.
 
     A rod's joint on its carrier is where it is with all commands zero, base frame, and stays there when the direction of the
     track or axis turns.
@@ -144,7 +170,7 @@ def rod_parameters(robot: Chain, tolerances: Mapping[str, float], *, scale: bool
     for a in sorted({rod.driver for rod in robot.rods if rod.driver is not None}):
         if scale or robot.actuators[a].scale_unknown:
             found.append(Parameter(f"scale[{robot.sites[a]}]", "m/m", 1.0, tolerances["scale"], drive=a))
-    return found
+    return [*found, *(zero_of(robot, actuator, tolerances) for actuator in robot.actuators if zeros)]
 
 
 def _at_zero(robot: Chain, carrier: int | None) -> Floats:
@@ -165,12 +191,13 @@ def _position(
         yield Parameter(f"{kind}[{rod.name}].{axis}", "m", float(at[c]), tolerances[f"{kind}_{axis}"], moves)
 
 
-def placement_parameters(robot: Chain, tolerances: Mapping[str, float]) -> list[Parameter]:
+def placement_parameters(robot: Chain, tolerances: Mapping[str, float], *, zeros: bool = False) -> list[Parameter]:
     """Parameters of a robot without rods: placements of the joints that move its TCP, of the TCP, and of its loops' anchors.
 
     Each joint and the TCP have six, each anchor has the three of its position on its link. They are redundant: a deviation that
     the data do not assign to one parameter is divided among several in proportion to their prior variances. The name of an
-    anchor has the names of its loop and of its link.
+    anchor has the names of its loop and of its link. With ``zeros``, that of a commanded joint is in the place of the component
+    of its placement that is nearest to its axis: both together would be one quantity with two names.
     """
     places = [(f"placement[{robot.model.names[j]}]", [frame_of_joint(j)], 6) for j in robot.moving_joints]
     places.append(("platform", [frame_of_tcp(robot)], 6))
@@ -185,4 +212,11 @@ def placement_parameters(robot: Chain, tolerances: Mapping[str, float]) -> list[
             unit, size = ("m", "placement_position") if twist[:3].any() else ("rad", "placement_rotation")
             moves = tuple((frame, twist) for frame in frames)
             found.append(Parameter(f"{name}.{axis}", unit, 0.0, tolerances[size], moves))
+    for actuator in robot.actuators if zeros else ():
+        along = int(np.argmax(np.abs(joint_axis(robot.model, actuator.joint_id))))
+        own = [
+            i for i, p in enumerate(found) if p.kind == "placement" and p.part == robot.model.names[actuator.joint_id]
+        ]
+        if own:
+            found[own[along]] = zero_of(robot, actuator, tolerances)
     return found

@@ -47,6 +47,19 @@ def test_calibrate_predicts_what_it_was_not_shown(run, tmp_path):
     assert (np.abs(dots) > 1.0 - 1e-8).all()
 
 
+def test_calibrate_holds_frees_and_adds_parameters_by_name(run, source, tmp_path):
+    words = ("--fix", "length[2a]=2.0431", "--free", "length[1]", "--zeros", "--json")
+    ran = run("calibrate", source, "-o", tmp_path / "out", *words)
+    assert ran.code == 0, ran.err
+    found = json.loads(ran.out)
+    assert found["held"] == {"length[2a]": 2.0431}
+    tolerance = {p["name"]: p["tolerance"] for p in found["parameters"]}
+    assert (tolerance["length[1]"], tolerance["zero[cart3]"]) == (1.0, 0.1)
+    ran = run("calibrate", source, "-o", tmp_path / "no", "--fix", "length[2a]")
+    assert "give NAME=VALUE" in ran.failed()
+    assert "did you mean length[" in run("calibrate", source, "-o", tmp_path / "no", "--free", "length[2]").failed()
+
+
 @pytest.mark.parametrize("command", ["calibrate", "predict", "simulate"])
 def test_json_prints_the_result_and_nothing_else(run, source, calibrated, tmp_path, command):
     arguments = {

@@ -105,6 +105,28 @@ def test_commands_are_written_again_so_that_the_tcp_goes_where_it_was_meant(
     np.testing.assert_allclose(new[["q1", "q3"]], q[:, [0, 2]], rtol=0, atol=1e-8)
 
 
+def test_commands_out_of_reach_are_named_and_stay_and_the_others_are_corrected(
+    run: Run, erring: Path, tmp_path: Path
+) -> None:
+    robot, q = gtpin.load_robot("gantry_tau"), np.random.default_rng(0).uniform(-0.3, 0.3, (12, 3))
+    lost = np.array([3, 7])
+    q[lost] = (1.9, -1.9, 1.9), (-1.9, -1.9, 1.9)  # carts too far apart for the rods
+    with pytest.raises(gtpin.GtpinError, match="can't be reached"):
+        robot.forward(q[lost[0]])
+    Commands(np.array([f"p{k}" for k in range(12)], dtype=object), q).write(tmp_path / "commands.csv")
+    ran = run("export", erring, "-o", tmp_path / "new.csv", "--commands", tmp_path / "commands.csv", "--json")
+    assert ran.code == 0
+    words = "leaves 2 of 12 commands as they were, because their poses can't be reached: p3 (row 5), p7 (row 9)"
+    assert next(text.partition(" ")[2] for text in json.loads(ran.out)["warnings"] if "leaves" in text) == words
+    new, kept = pd.read_csv(tmp_path / "new.csv"), np.delete(np.arange(12), lost)
+    np.testing.assert_array_equal(new[["q1", "q2", "q3"]].to_numpy()[lost], q[lost])
+    np.testing.assert_allclose(new.q2[kept] * (1.0 + 3e-4), q[kept, 1], rtol=0, atol=1e-8)
+    Commands(["a", "b"], q[lost]).write(tmp_path / "far.csv")
+    ran = run("export", erring, "-o", tmp_path / "none.csv", "--commands", tmp_path / "far.csv")
+    assert (ran.code, (tmp_path / "none.csv").exists()) == (2, False)
+    assert "none of the poses can be reached" in ran.err
+
+
 def test_a_table_of_corrections_is_what_to_command(run: Run, erring: Path, tmp_path: Path) -> None:
     ran = run("export", erring, "-o", tmp_path / "drives.csv")
     assert "drives.csv does not hold target_offset@platform" in ran.err

@@ -34,7 +34,7 @@ WORK = (
     "gtpin.bench.commands.simulate.run_simulation",
     "gtpin.bench.commands.simulate.simulate_scenario",
     "gtpin.commands.predict.run_prediction",
-    "gtpin.extras.controllers.program.compensate",
+    "gtpin.extras.controllers.program.attempted",
     "gtpin.extras.view.command.gap_with_instruments",
     "gtpin.extras.view.still.still",
     "gtpin.bench.blind.run.spread",

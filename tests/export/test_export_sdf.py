@@ -4,70 +4,16 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
 
 import numpy as np
 import pytest
-from closures import Closures
 from drawn_machines import Drawn
-from placed import Placed
 from scipy.spatial.transform import Rotation
+from sdf_graph import Graph, told
 
-import gtpin
 from gtpin.export import export
-
-
-class Graph:
-    """The links and joints of an SDF at the poses in the file."""
-
-    def __init__(self, file: Path) -> None:
-        model = ElementTree.parse(file).getroot().find("model")
-        assert model is not None
-        self.links = {link.get("name", ""): Placed.of(told(link, "pose")) for link in model.findall("link")}
-        self.joints = {joint.get("name", ""): joint for joint in model.findall("joint")}
-        self.mass = sum(float(mass.text or "") for mass in model.iter("mass"))
-        for frame in model.findall("frame"):
-            self.links[frame.get("name", "")] = self.links[frame.get("attached_to", "")] @ Placed.of(
-                told(frame, "pose")
-            )
-
-    def place(self, joint: Element) -> Placed:
-        return self.links[told(joint, "child")] @ Placed.of(told(joint, "pose"))
-
-    def closures(self, robot: gtpin.Robot) -> Closures:
-        """A rod for each ball joint, by following joints from its links to the platform and to the base; travel from home."""
-        drives, platform = [a.joint for a in robot.actuators], robot.description.platform
-        kind, rods = "", []
-        for ball in self.joints.values():
-            if ball.get("type") != "ball":
-                continue
-            one, other = (list(self.chain(told(ball, end))) for end in ("child", "parent"))
-            rod, carried = (one, other) if one and told(one[-1], "parent") == platform else (other, one)
-            (moved,) = (joint for joint in (*rod, *carried) if joint.get("name") in drives)
-            kind = "leg" if moved in rod else "track" if moved.get("type") == "prismatic" else "arm"
-            place, axis = self.place(moved), np.array([float(word) for word in told(moved, "axis/xyz").split()])
-            ends = self.place(rod[-1]).T, self.place(ball).T
-            rods.append((drives.index(moved.get("name", "")), *ends, place.R @ axis, place.T))
-        driver, hangs, seats, axes, origins = (np.array(values) for values in zip(*rods, strict=True))
-        tcp, lengths = self.links[robot.tcp_frame], np.linalg.norm(hangs - seats, axis=1)
-        own, still = (hangs - tcp.T) @ tcp.R, np.zeros(len(drives))
-        return Closures("", "", kind, driver, own, seats, lengths, axes, origins, still, tcp.T, tcp.R)
-
-    def chain(self, link: str) -> Iterator[Element]:
-        """The joints that carry a link, up to the base or the platform."""
-        for joint in self.joints.values():
-            if told(joint, "child") == link and joint.get("type") not in ("ball", "fixed"):
-                yield joint
-                yield from self.chain(told(joint, "parent"))
-
-
-def told(element: Element, path: str) -> str:
-    text = element.findtext(path)
-    assert text is not None
-    return text
 
 
 @pytest.mark.slow

@@ -136,7 +136,7 @@ def reach_of(geometry: Geometry) -> float:
 
     Assumed: 50 times the largest tolerance of a length, and at least 0.05 m.
     """
-    lengths = [p.tolerance for p in geometry.parameters if p.unit == "m"]
+    lengths = [p.tolerance for p in geometry.parameters if p.unit == "m" and not p.is_free]
     return max(0.05, 50.0 * max(lengths, default=0.0))
 
 

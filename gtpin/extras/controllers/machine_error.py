@@ -80,7 +80,7 @@ def open_directions(
         return None
     at, unexplained = _at(machine, q), whole.unexplained
     moved = by_unknowns(machine.model, at) @ ModelPosterior(machine.model).root
-    if not whole.frame.is_base:
+    if whole.stands_anywhere:
         moved = placed_best(moved, at.poses)
     moved = on_the_bed(moved[:, :3], at.poses.T) if standing else moved[:, :3]
     return OpenDirections(moved, unexplained.position if unexplained is not None and unexplained.noise_known else 0.0)
