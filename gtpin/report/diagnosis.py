@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.errors import GtpinError
-from gtpin.model.departures import departures
 from gtpin.model.model import Model
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
@@ -17,7 +16,7 @@ from gtpin.report.calibration_text import nominal_words
 from gtpin.report.diagnosis_json import diagnosis_json
 from gtpin.report.effect_curves import curve_drawing, drawn_curves
 from gtpin.report.figure import alone
-from gtpin.report.geometry import geometry_line, geometry_table
+from gtpin.report.geometry import departures_of, geometry_line, geometry_table
 from gtpin.report.next_experiment import FOLDER, write_experiments
 from gtpin.report.page import Lead, Table
 from gtpin.report.phrases import cause_rows, interval, named, parameter
@@ -57,7 +56,7 @@ class DiagnosisPresentation(FitPresentation):
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, the causes, and what to do."""
         d = self.diagnosis
-        said, found = verdict(d), departures(d.model, d.dataset.q)
+        said, found = verdict(d), departures_of(d)
         # Without a gap, a free motion of a part explains nothing.
         shares = () if d.verdict == "none" else (d.where.site, [c.site for c in d.causes])
         head = ("cause", "probability", "parameters", "part of the gap")

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtpin.model.departures import Departure, size_of
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.model.departures import Departure, departures, size_of
 from gtpin.report.page import Table
+from gtpin.report.phrases import SURE
 from gtpin.report.words import counted, length, quantity
 
 SHOWN = 5
@@ -35,6 +37,13 @@ WORDS = {
 """Zeros, and parameters of Denavit and Hartenberg, in words, by name or quantity."""
 
 
+def departures_of(d: Diagnosis) -> tuple[Departure, ...]:
+    """The departures that a diagnosis found: with its causes where all are certain; else of the geometry alone, because an open
+    cause can take up a part of a departure."""
+    sure = all(cause.probability >= SURE for cause in d.causes)
+    return departures(d.model if sure else d.baseline.model, d.dataset.q)
+
+
 def departure_words(one: Departure) -> str:
     """A parameter in words, else its name."""
     if one.reversed:
@@ -45,9 +54,14 @@ def departure_words(one: Departure) -> str:
 def change_words(one: Departure) -> str:
     """The change of a parameter with its sigma; of the zero of a turning joint in degrees, of a link its length."""
     value, sigma, unit = -one.value if one.reversed else one.value, one.sigma, one.unit
-    if one.what == "zero" and unit == "rad":
+    return f"{'+' if value > 0.0 else ''}{(zero_size if one.what == 'zero' else quantity)(value, unit, sigma)}"
+
+
+def zero_size(value: float, unit: str, sigma: float) -> str:
+    """The zero of a joint with its sigma: of a turning joint in degrees."""
+    if unit == "rad":
         value, sigma, unit = float(np.rad2deg(value)), float(np.rad2deg(sigma)), "°"
-    return f"{'+' if value > 0.0 else ''}{quantity(value, unit, sigma)}"
+    return quantity(value, unit, sigma)
 
 
 def clear(found: Sequence[Departure]) -> list[Departure]:

@@ -14,7 +14,8 @@ from gtpin.model.departures import departures, size_of
 from gtpin.report.geometry import change_words, departure_words
 
 FIVE_BAR = str(Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf")
-pytestmark = pytest.mark.filterwarnings("ignore:parameters more than", "ignore:the nominal model is not")  # as is meant
+FIELD = str(Path(__file__).parents[2] / "examples" / "field" / "five_bar" / "five_bar.urdf")
+pytestmark = pytest.mark.filterwarnings("ignore:off by more than", "ignore:the nominal model is not")  # as is meant
 TURNED = np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
 NOISE = 2e-5
 
@@ -46,6 +47,20 @@ def test_a_zero_that_is_off_comes_first_with_the_displacement_that_it_makes(robo
     assert abs(first.value - off) < 4.0 * first.sigma
     # In the same proportion to the whole as its value to the true one.
     assert first.position_rms == pytest.approx(size_of(moved) * abs(first.value / off), rel=0.01)
+
+
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+@pytest.mark.parametrize(("robot", "joint"), [("ur10", 2), (FIVE_BAR, 0), (FIELD, 0)])
+def test_warnings_and_the_json_name_the_zero_and_not_the_parameters_that_imitate_it(robot, joint) -> None:
+    """A shift of the elbow's placement and a zero of the drive move the TCP alike, to the first order."""
+    off = np.deg2rad(1.0)
+    _, _, calibration = seen(robot, joint, off)
+    site = gtpin.load_robot(robot).sites[joint]
+    texts = [text for text in calibration.warnings if "tolerances" in text]
+    assert texts
+    assert all(f"zero of {site} +" in text and " deg" in text and "placement" not in text for text in texts)
+    zero = next(one for one in calibration.to_json()["equivalent_zeros"] if one["site"] == site)
+    assert abs(zero["value"] - off) < 4.0 * zero["sigma"]
 
 
 def test_where_the_instrument_stood_anywhere_a_displacement_is_without_what_its_place_absorbs() -> None:

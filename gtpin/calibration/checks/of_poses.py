@@ -13,7 +13,7 @@ from gtpin.calibration.checks.declared_noise import settled_or_explained, with_c
 from gtpin.calibration.checks.moved_rows import check_instrument_steps, check_stretch, nominal_problem, stretch
 from gtpin.calibration.checks.moved_sessions import check_sessions_linear
 from gtpin.calibration.checks.prior_conflict import relieved, strain
-from gtpin.calibration.checks.suspected import BEYOND, MISFIT, STRAYED, far_from_declared, refuse
+from gtpin.calibration.checks.suspected import BEYOND, MISFIT, STRAYED, refuse, warn_of_strayed, zeros_off
 from gtpin.calibration.checks.usable_rows import check_moved, check_other_readings, plausible_rows, reach_of
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.problem import Measured, rough_frame
@@ -161,14 +161,16 @@ def _unstrained(fit: RobustFit, settled: FitState) -> FitState:
             'fitted as free; write frame = "free"'
         )
         return freed.run()
-    if found.what == "zero":
-        deviation = f"the zero of {found.site} looks {found.size * 1e3:.3g} mm or mrad off"
-    elif found.what == "part":
-        deviation = f"{found.site} looks {abs(found.size):.2g} tolerances off"
+    relaxed = fit.with_geometry(relieved(settled, found)).run()
+    if zeros := zeros_off(relaxed):
+        deviation = zeros
+    elif found.what in ("part", "zero"):
+        named = found.site if found.what == "part" else f"the zero of {found.site}"
+        deviation = f"{named} looks off by more than the tolerances allow"
     else:
         deviation = f"its parameters are off by {found.size:g} times their tolerances"
     warn(f"the nominal model is not this machine: {deviation}; tolerances are widened to admit it")
-    return fit.with_geometry(relieved(settled, found)).run()
+    return relaxed
 
 
 def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> None:
@@ -212,8 +214,7 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> None:
             warn(f"residuals are {times:{'.0f' if times > MISFIT else '.1f'}} times the noise: {why}")
     # The rotation of a measured track about itself depends on where targets were on carts: it is no error of the machine.
     rolled = np.array([p.kind == "track_direction" and p.component == 2 for p in model.geometry.parameters])
-    if strayed := far_from_declared(np.where(rolled, 0.0, settled.deviation), model.geometry.names):
-        warn(f"parameters more than {STRAYED:g} tolerances from nominal: {strayed}")
+    warn_of_strayed(settled, rolled)
 
 
 def _coarse_commands(model: Model, measured: Measured, poses: Poses) -> str | None:

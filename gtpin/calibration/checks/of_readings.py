@@ -17,7 +17,7 @@ from gtpin.calibration.checks.readable_readings import (
     check_sockets,
     explained,
 )
-from gtpin.calibration.checks.suspected import MISFIT, STRAYED, far_from_declared, refuse
+from gtpin.calibration.checks.suspected import MISFIT, STRAYED, far_from_declared, refuse, warn_of_strayed
 from gtpin.calibration.checks.usable_rows import check_moved, reach_of
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.observability import UNSEEN
@@ -158,9 +158,7 @@ def _warn_of_strayed(settled: FitState, readings: Readings) -> None:
     known = seen.variance_reduction > UNSEEN
     along = seen.directions[:, known].T @ x
     chance = chi2.sf(float((along**2 / seen.variance_reduction[known]).sum()), max(int(known.sum()), 1))
-    if names := far_from_declared(x, settled.geometry.names):
-        warn(f"parameters more than {STRAYED:g} tolerances from nominal: {names}")
-    elif chance < CHANCE:
+    if not warn_of_strayed(settled) and chance < CHANCE:
         text = f"the geometry as a whole is farther from nominal than its tolerances allow (chance {chance:.1g})"
         hint = "check commands, known distances, and what is declared of the instruments, or give larger tolerances"
         warn(f"{text}: {hint}; an effect that the geometry takes up may do this as well")

@@ -6,10 +6,10 @@ import numpy as np
 
 from gtpin.calibration.result import Calibration
 from gtpin.model.departures import departures
-from gtpin.model.dh import DhParameter, controller_table
+from gtpin.model.dh import DhParameter, chain_of, controller_table
 from gtpin.model.model import Model
 from gtpin.report.calibration_text import SHOWN, grouped
-from gtpin.report.geometry import all_departures
+from gtpin.report.geometry import all_departures, departures_of, zero_size
 from gtpin.report.page import Block, Fold, Heading, Section, Table
 from gtpin.report.sections import Reported, section
 from gtpin.report.words import percent, quantity, whole
@@ -24,7 +24,7 @@ def parameters(r: Reported) -> Section:
     without and with the causes."""
     c, d = r.calibration, r.diagnosis
     model = c.model if d is None else d.model
-    found = departures(model, r.dataset.q)
+    found = departures(model, r.dataset.q) if d is None else departures_of(d)
     content: list[Block] = []
     if found:
         words = (
@@ -34,7 +34,7 @@ def parameters(r: Reported) -> Section:
         content = [words, Fold(f"All {len(found)} departures", [all_departures(found)])]
     # What is not explained moves the parameters by more than their sigmas.
     explained = c.explained if d is None else d.verdict != "unknown"
-    content += zero_blocks(c) if model.robot.rods else controller_blocks(model) if explained else []
+    content += zero_blocks(c) if not chain_of(model.robot) else controller_blocks(model) if explained else []
     words = "Variance reduction: 1 − (sigma / tolerance)²; at 0 % the data give no information beyond the tolerance."
     every = parameter_table(c, model if d is not None and d.causes else None)
     content += [Heading("Parameters of the fit"), words, Fold(f"All {len(every.rows)} parameters", [every])]
@@ -77,8 +77,8 @@ def controller_blocks(model: Model) -> list[Block]:
 
 
 def zero_blocks(c: Calibration) -> list[Block]:
-    """The zeros of the drives of a robot with rods; empty for other robots."""
-    rows = [[z.site, quantity(z.value, z.unit, z.sigma)] for z in c.zeros]
+    """The zeros of the drives of a robot with loops; empty where there are none."""
+    rows = [[z.site, zero_size(z.value, z.unit, z.sigma)] for z in c.zeros]
     words = "A zero that is off moves all that its drive carries: what the joints on a drive have in common, as a shift of it."
     table = Table(("drive", "shift of its zero"), rows, (1,))
     return [Heading("Equivalent zeros of the drives"), words, table] if rows else []
