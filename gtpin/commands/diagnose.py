@@ -93,8 +93,7 @@ def diagnose(
         result = shown.write(folder)
         if log is not None:
             log.add(found)
-    text = [shown.terminal() if against is not None else shown.terminal(output)]
-    text.append(written(output, ("diagnosis.json", "baseline", "model"), "report.html"))
+    text = [shown.terminal(output), written(output, ("diagnosis.json", "baseline", "model"), "report.html")]
     if log is not None:
         text.append(f"All checks: {log.page}")
     tell(result, rendered(*text), as_json)

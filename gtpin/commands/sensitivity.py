@@ -25,7 +25,7 @@ from gtpin.commands.terminal import (
     written,
 )
 from gtpin.data import Commands
-from gtpin.errors import warn
+from gtpin.errors import noted, warn
 from gtpin.export.loss import assumed_tool
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
@@ -50,6 +50,7 @@ def sensitivity(
     with (
         results_folder(output, AccuracyPresentation.files, force=force) as folder,
         progress_of("sensitivity") as progress,
+        noted() as texts,
     ):
         measured = read_model(model, tcp=tcp, **chosen(actuators, home))
         for text in assumed_tool(measured):
@@ -63,7 +64,8 @@ def sensitivity(
             predict(replace(found, effects=()), given)
             q = given.q
         progress("each parameter at each pose", 0, float("nan"))
-        shown = AccuracyPresentation(analyse(found, q, seed=seed))
+        accuracy = analyse(found, q, seed=seed)
+        shown = AccuracyPresentation(replace(accuracy, warnings=tuple(dict.fromkeys(texts))))
         result = shown.write(folder)
     files = written(output, ("sensitivity.csv", "accuracy.json", "report.html"), "report.html")
     tell(result, rendered(shown.terminal(output), files), as_json)

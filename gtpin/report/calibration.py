@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 CALIBRATION = ("calibration.json", "report.html", "report.txt", "model")
 """Names of the files of a calibration's folder."""
-UNKNOWN = "noise as the fit shows it: neither declared nor shown by repeated visits"
-"""What the noise is called where it was neither declared nor shown by repeated visits."""
+UNKNOWN = "residuals of the fit: the noise is not known"
+"""Name of the noise where it was neither declared nor shown by repeated visits."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
             "noise."
         )
         advice = [
-            "The sigmas are multiplied by this ratio. Effects can change the parameters by more: gtpin diagnose finds them."
+            "The sigmas are multiplied by this ratio. Effects can change the parameters by more: gtpin diagnose looks for them."
         ]
         return "warn", "not all explained", headline, advice
     for one in lost(c):
@@ -127,7 +127,7 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
         return "bad", "too few poses", headline, []
     if why := cannot_judge(c):
         headline = "Whether the geometry explains these data can't be judged: their noise is not known."
-        return "accent", "fit not judged", headline, [f"Declare the sigmas. Of chi-square: {why}."]
+        return "accent", "fit not judged", headline, [f"Declare the sigmas. Chi-square can't judge the fit: {why}."]
     if hidden := scatters(c):
         headline = "The residuals agree with the noise, of which the scatter between visits is a large part."
         return "accent", "fits within its scatter", headline, [hidden]

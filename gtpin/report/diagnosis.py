@@ -12,6 +12,7 @@ from gtpin.errors import GtpinError
 from gtpin.model.model import Model
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
+from gtpin.report.calibration import UNKNOWN
 from gtpin.report.calibration_text import nominal_words
 from gtpin.report.diagnosis_json import diagnosis_json
 from gtpin.report.effect_curves import curve_drawing, drawn_curves
@@ -158,7 +159,7 @@ def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
             (nominal_words(d.baseline), f"nominal geometry: {size.what}, RMS"),
             (size.before, f"calibrated geometry, at left-out {where}"),
             *([(size.after, "with the causes")] if d.causes else []),
-            (size.floor, "noise alone" if known else "left of the fit: the noise is not known"),
+            (size.floor, "noise alone" if known else UNKNOWN),
         ]
     if d.gap.explained_fraction is not None and d.gap.before > d.gap.floor:
         between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""

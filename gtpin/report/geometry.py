@@ -90,15 +90,15 @@ def geometry_line(found: Sequence[Departure]) -> str:
     named, whole = clear(found), size_of(np.sum([one.displacement for one in found], axis=0))
     if not named:
         return (
-            f"Geometry: {counted(len(found), 'parameter')} differ from nominal and displace the TCP by {length(whole)}; "
-            "these data determine none of them by itself."
+            f"Geometry: {length(whole)} at the TCP by {counted(len(found), 'parameter')}; these data determine none of them "
+            "alone."
         )
     first = named[0]
-    what = f"{departure_words(first)}, {change_words(first)}, displaces the TCP by {length(first.position_rms)}"
+    what, size = f"{departure_words(first)}, {change_words(first)}", length(first.position_rms)
     left = size_of(np.sum([one.displacement for one in found if one is not first], axis=0)) if found[1:] else 0.0
     if left**2 < MOST * whole**2:
-        return f"Geometry: {what}."
-    return f"Geometry: many parameters displace the TCP by {length(whole)} together; the largest that is determined: {what}."
+        return f"Geometry: {what}: {size} at the TCP."
+    return f"Geometry: {length(whole)} at the TCP by many parameters; the largest that is determined: {what} ({size})."
 
 
 def all_departures(found: Sequence[Departure]) -> Table:

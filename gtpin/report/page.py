@@ -170,7 +170,6 @@ class Lead:
     - ``badge``, ``tone``: a short verdict, and the name of its colour; empty: none.
     - ``sketch``, ``caption``: a drawing of the machine as SVG, and the text below it.
     - ``content``: what follows the headline.
-    - ``hint``: a note that is not printed.
     - ``steps``: what to do now.
     - ``warnings``: all warnings about the data.
     """
@@ -184,7 +183,6 @@ class Lead:
     sketch: Markup | None = None
     caption: str = ""
     content: Sequence[Block] = ()
-    hint: str = ""
     steps: Sequence[Step] = ()
     warnings: Sequence[str] = ()
 
@@ -281,14 +279,11 @@ class PagePresentation(Presentation):
         return report(self.title, self.lead, self.sections, self.origin)
 
 
-def report(
-    title: str, lead: Lead, sections: Sequence[Section], provenance: Table | None = None, *, contents: bool = True
-) -> str:
+def report(title: str, lead: Lead, sections: Sequence[Section], provenance: Table | None = None) -> str:
     """A page of sections as one self-contained HTML file.
 
-    ``title``: title in the browser's tab. ``provenance``: versions, and digests of the data of the page. ``contents``:
-    whether the page begins with links to its sections. Text is escaped. No plot is drawn if a kind of them needs plotly and it
-    is not installed.
+    ``title``: title in the browser's tab. ``provenance``: versions, and digests of the data of the page. Text is escaped. No
+    plot is drawn if a kind of them needs plotly and it is not installed.
     """
     links = [(section.id, section.entry or section.title) for section in sections]
     links += [("provenance", "Provenance")] if provenance else []
@@ -304,7 +299,7 @@ def report(
         title=title,
         lead=lead,
         sections=sections,
-        contents=links if contents else (),
+        contents=links,
         embedded=lambda some: [by_plot[id(plot)] for plot in some] if library else [],
         drawn=library is not None or not plots,
         scripts=scripts,

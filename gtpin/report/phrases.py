@@ -30,12 +30,12 @@ REASONS = {
     "constant": "the covariate {covariate} does not vary",
     "too_few_commands": "the commands of {site} are too few, or too close together",
     "one_sign": "the load does not change its sign",
-    "no_load": "the joint carries nothing about its own axis",
+    "no_load": "there is no load about the joint's own axis",
     "no_masses": "the URDF has no masses, and no payload or force on the tool was recorded",
     "single_joint": "the cart carries a single joint, and a rotation about it does not move the platform",
     "absorbed": "geometric calibration absorbs it",
     "unrecorded_payload": "the payload may have varied without being recorded",
-    "not_searched": "a check does not search for periods and steps: diagnose the poses of a calibration",
+    "not_searched": "a check does not search for periods and steps: diagnose as many poses as for a calibration",
     "uncertain": "the uncertainty of the earlier model and of the instrument's pose hides it",
     "other": "{words}",
 }
@@ -58,8 +58,8 @@ DOUBTS = {
         "Repeated visits to the same commands differ by more than the declared noise and the repeatability of the drives: "
         "something changes between the visits."
     ),
-    "scatter": "Repeated visits scatter by more than the instrument, and the columns that could explain it contradict each "
-    "other.",
+    "scatter": "Repeated visits scatter by more than the noise of the instrument, and the columns that could explain it "
+    "contradict each other.",
     "chi_square": "The differences from the earlier model exceed noise and its uncertainty, and no change explains them.",
 }
 """Sentences by reason. For other reasons there is a warning, a question or the headline."""
@@ -166,7 +166,7 @@ def value(name: str, estimate: Estimate) -> str:
 def size_words(parameters: Mapping[str, Estimate], count: int = 1) -> str:
     """The first ``count`` parameters in short, as known: ``half width 24.9 µm``; of periods ``24 a turn, 0.41 mrad``.
 
-    In the place of a first one that may be zero stands the one that is known best.
+    If the first one may be zero, the one with the smallest relative sigma is given instead.
     """
     lines, turns = [], False
     for name, period in parameters.items():
@@ -279,6 +279,6 @@ def overlap(found: Findings) -> str:
     if whole is None or len(shares) < 2 or abs(sum(shares) - whole) < OVERLAP:
         return ""
     return (
-        "The shares of the causes overlap: each is what goes away with this cause, given the others; together it is "
+        "The shares of the causes overlap: each is what this cause explains in addition to the others. Together they explain "
         f"{percent(whole)}."
     )

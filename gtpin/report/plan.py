@@ -89,20 +89,20 @@ class PosePlanPresentation(Presentation):
         """The purpose of the poses, and what they can show."""
         plan, count = self.plan, len(self.plan.commands)
         if plan.purpose == "calibration" and (own := plan.information) is not None:
-            nats = f"{own.nats:.0f} nats on the geometry; as many at random: {own.nats_random:.0f}"
-            error = f"{length(own.error)}; at random: {length(own.error_random)}"
+            nats = f"{own.nats:.0f} nats (random poses: {own.nats_random:.0f})"
+            error = f"{length(own.error)} (random poses: {length(own.error_random)})"
             return [
-                f"{count} poses for a calibration: {nats}.",
+                f"{count} poses for a calibration. Information on the geometry: {nats}.",
                 f"Error of predicted positions after the calibration: {error}.",
             ]
         if plan.purpose == "discrimination":
             return [
                 f"{count} poses that distinguish {counted(len(plan.told), 'effect')} from each other and from no effect."
             ]
-        place = "where the instrument may stand anywhere" if plan.frame == "free" else "measured in the base frame"
+        place = "by an instrument that may stand anywhere" if plan.frame == "free" else "in the base frame"
         return [
-            f"{count} poses for a check, {place}: changes found in {percent(plan.power)} of checks, with false alarms in "
-            f"{percent(plan.false_alarm)}, are from the sizes in the table on."
+            f"{count} poses for a check, measured {place}. A change of the size in the table is detected in "
+            f"{percent(plan.power)} of checks; false alarms: {percent(plan.false_alarm)}."
         ]
 
     def _smallest(self) -> list[list[str]]:

@@ -53,7 +53,7 @@ def test_the_page_and_the_json_have_each_number_with_its_definition_or_why_it_is
     assert told["basis"] == "fitted"
     page = (certified / "certificate.html").read_text()
     assert "@media print" in page
-    assert "What the data do not suffice for" in page
+    assert "What is blank" in page
     assert not re.search(r"\bnan\b|\bNone\b|\{have\}", page)
     assert {number["symbol"] for number in told["quantities"]} == set(DEFINITIONS)
 
@@ -84,7 +84,7 @@ def test_positions_of_an_arm_with_a_target_anywhere_are_certified_as_far_as_they
     assert found["B_mean[elbow_joint]"].missing == "too_many_drives"
     assert "rx" not in found.to_json()["budget"]["expanded"]
     rows = {row.source: row for row in found.budget.rows}
-    assert 0.0 < rows["geometry"].position < 1e-4
+    assert 0.0 < rows["model"].position < 1e-4
     assert found.to_dataframe().shape[0] == len(found.quantities)
     assert "Certificate of ur5" in repr(found)
 

@@ -57,4 +57,4 @@ def certify(
         shown = CertificatePresentation(found)
         result = shown.write(folder)
     files = written(output, ("certificate.json", "model"), "certificate.html")
-    tell(result, rendered(shown.terminal(), files), as_json)
+    tell(result, rendered(shown.terminal(output), files), as_json)

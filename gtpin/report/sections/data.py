@@ -26,7 +26,8 @@ ALIKE = 0.02
 def data(r: Reported) -> Section:
     """Facts about the data, the poses that were set aside, and ranges; of a diagnosis, how its gap is computed."""
     c, d = r.calibration, r.diagnosis
-    judged = cannot_judge(c) or f"1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
+    why = cannot_judge(c)
+    judged = f"it can't judge the fit: {why}" if why else f"1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
     fit = (
         f"Chi-square per degree of freedom of geometry alone: {c.chi2_per_dof:.2f} ({judged}); degrees of freedom "
         f"{c.dof:.1f}, iterations {c.iterations}. Errors on the fitted poses, RMS: {joined(_fitted(c))}."

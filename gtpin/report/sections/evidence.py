@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from gtpin.data.names import command_names
+from gtpin.diagnosis.result import Findings
 from gtpin.report.page import Bar, Bars, Block, Fold, Plots, Section, Table
 from gtpin.report.phrases import named, reason_words
 from gtpin.report.residual_plots import over_two
@@ -87,27 +88,32 @@ def _rare(p_value: float) -> str:
 
 @section(80)
 def evidence(r: Reported) -> Section | None:
-    """Gain in log evidence of geometry with each single candidate over geometry alone: bars and a table."""
+    """The evidence of each candidate of a diagnosis."""
     if (d := r.diagnosis) is None:
         return None
-    causes = {(c.effect, c.site) for c in d.causes}
-    tested = sorted((c for c in d.candidates if c.testable), key=lambda c: -c.log_evidence)
+    words = [
+        "Gain in log evidence of geometry with one candidate over geometry alone: a gain of 5 is a Bayes factor of 150, one of "
+        f"10 of 22000. {counted(sum(c.testable for c in d.candidates), 'candidate')} were tested."
+    ]
+    if d.verdict == "unknown":
+        words.append(
+            "A large gain alone does not prove a cause: smooth terms explain these data better than every effect, so that a "
+            "candidate may only resemble the true cause."
+        )
+    return evidence_of(d, words)
+
+
+def evidence_of(found: Findings, words: Sequence[Block]) -> Section:
+    """Gain in log evidence of each single candidate, below ``words``: bars of the largest, and a table of the others."""
+    causes = {(c.effect, c.site) for c in found.causes}
+    tested = sorted((c for c in found.candidates if c.testable), key=lambda c: -c.log_evidence)
     top = max([c.log_evidence for c in tested], default=0.0)
-    gains = [(named(d.effect(c.effect), c.site), whole(f"{c.log_evidence:.1f}")) for c in tested]
+    gains = [(named(found.effect(c.effect), c.site), whole(f"{c.log_evidence:.1f}")) for c in tested]
     bars = [
         Bar(name, max(c.log_evidence, 0.0) / top if top > 0.0 else 0.0, gain, (c.effect, c.site) in causes)
         for c, (name, gain) in zip(tested[:SHOWN], gains, strict=False)
     ]
-    content: list[Block] = [
-        "Gain in log evidence of geometry with one candidate over geometry alone: a gain of 5 is a Bayes factor of 150, one of "
-        f"10 of 22000. {counted(len(tested), 'candidate')} were tested."
-    ]
-    if d.verdict == "unknown":
-        content.append(
-            "A large gain alone does not prove a cause: smooth terms explain these data better than every effect, so that a "
-            "candidate may only resemble the true cause."
-        )
-    content.append(Bars(bars))
+    content: list[Block] = [*words, Bars(bars)]
     if rest := gains[SHOWN:]:
         content.append(Fold("The other candidates", [Table(("candidate", "gain in log evidence"), rest, (1,))]))
     return Section("evidence", "Evidence", content)
@@ -115,14 +121,17 @@ def evidence(r: Reported) -> Section | None:
 
 @section(100)
 def what_could_not_be_tested(r: Reported) -> Section | None:
+    """Effects that could not be tested by a diagnosis."""
+    return None if r.diagnosis is None else untestable_of(r.diagnosis)
+
+
+def untestable_of(found: Findings) -> Section:
     """Effects that could not be tested, with the reason."""
-    if r.diagnosis is None:
-        return None
     reasons: dict[tuple[str, str], list[str]] = {}
-    for c in r.diagnosis.candidates:
+    for c in found.candidates:
         if not c.testable:
             reasons.setdefault((c.effect, reason_words(c.reason, c.site)), []).append(site_words(c.site))
-    rows = [[r.diagnosis.effect(effect).title, joined(sites), why] for (effect, why), sites in reasons.items()]
+    rows = [[found.effect(effect).title, joined(sites), why] for (effect, why), sites in reasons.items()]
     content: list[Block] = ["Every effect of the catalogue could be tested."]
     if rows:
         content = [

@@ -65,12 +65,12 @@ def controller_blocks(model: Model) -> list[Block]:
     """The table of a serial arm with what to add to it; empty for other robots."""
     rows = [[p.site, p.name, _to_add(p), whole(f"{p.nominal:z.6f} {p.unit}")] for p in controller_table(model)]
     words = (
-        "What to add to the parameters of the controller; theta is the zero of a joint. They belong together; one that is not "
-        "determined stays near nominal. Where the controller's a and alpha have the other sign, so have what is added to them."
+        "What to add to the parameters of the controller; theta is the zero of a joint. Use all of them together: a parameter "
+        "that is not determined stays near nominal. If a or alpha has the opposite sign in the controller, add the opposite."
     )
     if model.geometry.target is not None:
         words += (
-            " The tool stays as it is: the place of the target on it was unknown, and the data say nothing of the tool."
+            " The tool stays as it is: the data do not determine it, because the place of the target on it was unknown."
         )
     table = Table(("joint", "parameter", "to add", "nominal"), rows, (2, 3))
     return [Heading("The controller's table (Denavit-Hartenberg)"), words, table] if rows else []
@@ -79,7 +79,9 @@ def controller_blocks(model: Model) -> list[Block]:
 def zero_blocks(c: Calibration) -> list[Block]:
     """The zeros of the drives of a robot with loops; empty where there are none."""
     rows = [[z.site, zero_size(z.value, z.unit, z.sigma)] for z in c.zeros]
-    words = "A zero that is off moves all that its drive carries: what the joints on a drive have in common, as a shift of it."
+    words = (
+        "A wrong zero displaces all that its drive carries: the common part of these displacements, as a shift of it."
+    )
     table = Table(("drive", "shift of its zero"), rows, (1,))
     return [Heading("Equivalent zeros of the drives"), words, table] if rows else []
 

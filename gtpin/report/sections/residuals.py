@@ -18,7 +18,7 @@ CIRCLES = (
     "circular deviation G is the range of the deviations of one direction, the bidirectional G(b) that of both "
     "together; F are the radial deviations, least to largest, positive away from the centre. Counterclockwise goes "
     "from the plane's first axis to its second (XY: from X to Y). As measured: about the least-squares circle of both "
-    "directions. Left by geometry: measured less predicted, without another centring. The grey circle is no "
+    "directions. Left by geometry: measured less predicted, without another centring. The grey circle is zero "
     "deviation. Blue: counterclockwise; orange: clockwise."
 )
 
@@ -70,7 +70,7 @@ def over_the_workspace(r: Reported) -> Section:
     scale = MapScale.of(r.residuals)
     plots, choices = maps(r.residuals, scale, r.layers)
     words = (
-        "Where the TCP was at each reading, coloured by the size of what is left of the reading, in sigmas of its noise. "
+        "The position of the TCP at each reading, coloured by the size of the reading's residual in sigmas of its noise. "
         f"{selection(r.residuals)}"
     )
     if r.residuals.of_poses:
