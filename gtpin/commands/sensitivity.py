@@ -20,16 +20,13 @@ from gtpin.commands.terminal import (
     Tcp,
     chosen,
     progress_of,
-    rendered,
-    tell,
-    written,
+    result_in,
 )
 from gtpin.data import Commands
 from gtpin.errors import noted, warn
 from gtpin.export.loss import assumed_tool
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
-from gtpin.output.results import results_folder
 from gtpin.report.accuracy import AccuracyPresentation
 
 
@@ -48,7 +45,7 @@ def sensitivity(
 ) -> None:
     """Show how each parameter moves the TCP, and the expected error over the workspace."""
     with (
-        results_folder(output, AccuracyPresentation.files, force=force) as folder,
+        result_in(output, AccuracyPresentation.files, force=force, as_json=as_json) as take,
         progress_of("sensitivity") as progress,
         noted() as texts,
     ):
@@ -65,7 +62,4 @@ def sensitivity(
             q = given.q
         progress("each parameter at each pose", 0, float("nan"))
         accuracy = analyse(found, q, seed=seed)
-        shown = AccuracyPresentation(replace(accuracy, warnings=tuple(dict.fromkeys(texts))))
-        result = shown.write(folder)
-    files = written(output, ("sensitivity.csv", "accuracy.json", "report.html"), "report.html")
-    tell(result, rendered(shown.terminal(output), files), as_json)
+        take(replace(accuracy, warnings=tuple(dict.fromkeys(texts))))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +19,8 @@ from typer.core import TyperCommand, TyperOption
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
 from gtpin.errors import GtpinError
-from gtpin.output.results import json_text
+from gtpin.output.results import json_text, results_folder
+from gtpin.output.shown import present
 from gtpin.threads import one_thread
 
 
@@ -135,12 +136,6 @@ def not_its_input(output: Path, read: Path) -> None:
         raise GtpinError("this is read", file=output, hint="name another file for the result")
 
 
-def written(output: Path, names: Iterable[str], page: str = "") -> str:
-    """The lines that name what was written into a folder, and its page to open."""
-    files = f"Written: {', '.join(str(output / name) for name in names)}"
-    return f"{files}\nOpen {output / page}" if page else files
-
-
 def tell(result: object, text: str, as_json: bool) -> None:
     """Print a result on standard output: the text, or only the JSON."""
     try:
@@ -161,6 +156,29 @@ def rendered(*parts: RenderableType) -> str:
         for part in parts:
             console.print(part)
     return "\n".join(line.rstrip(" ") for line in captured.get().splitlines())
+
+
+@contextmanager
+def result_in(output: Path, files: Collection[str], *, force: bool, as_json: bool) -> Iterator[Callable[[Any], None]]:
+    """Context of a command that writes one result into a folder; it yields the function that takes the result.
+
+    The result is written at once. When the block ends without an error it is moved into place, and printed.
+
+    ``files``: names of all that the result's presentation writes.
+    """
+    with results_folder(output, files, force=force) as folder:
+        taken: list[tuple[Any, object]] = []
+
+        def take(found: Any) -> None:
+            shown = present(found)
+            taken.append((shown, shown.write(folder)))
+
+        yield take
+        there = [name for name in files if (folder / name).exists()]
+    (shown, content), page = taken[0], next((name for name in files if name.endswith(".html")), "")
+    names = f"Written: {', '.join(str(output / name) for name in there)}"
+    text = rendered(shown.terminal(output), f"{names}\nOpen {output / page}" if page else names)
+    tell(content, text, as_json)
 
 
 class SpeedColumn(ProgressColumn):

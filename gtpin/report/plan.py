@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
 
+from gtpin.output.results import json_text
 from gtpin.output.shown import Presentation
 from gtpin.planning.plan import PosePlan, checked_first
 from gtpin.report.page import Table
@@ -26,6 +28,13 @@ class PosePlanPresentation(Presentation):
     """A plan; its table is that of its commands."""
 
     plan: PosePlan
+    files = ("commands.csv", "plan.json")
+
+    def write(self, folder: Path) -> dict[str, object]:
+        """Write the files of ``gtpin plan``; return the content of the JSON."""
+        self.plan.commands.write(folder / "commands.csv")
+        (folder / "plan.json").write_text(json_text(self.json()), encoding="utf-8")
+        return self.json()
 
     def short(self) -> str:
         """The purpose of the poses, and what they can show."""
@@ -39,7 +48,7 @@ class PosePlanPresentation(Presentation):
         table = [pd.DataFrame(rows).to_string(index=False)] if rows else []
         return "\n".join([*self.words(), *table]) + "\n"
 
-    def terminal(self) -> RenderableType:
+    def terminal(self, folder: Path | None = None) -> RenderableType:
         """The sentences, and the table of changes or effects that the poses can show."""
         order = sorted(self.plan.told, key=lambda one: one.sigma / max(one.sigma_random, 1e-300))
         rows = [
