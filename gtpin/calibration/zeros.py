@@ -49,8 +49,9 @@ def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]
         zeros = (p for p in table if p.name == ("d" if p.site in slide else "theta") and p.determined)
         if table:
             return tuple(Zero(p.site, p.correction, p.sigma, p.unit) for p in zeros)
-        own = ((z, z.name.removeprefix("zero[").removesuffix("]")) for z in with_zeros(geometry, covariance))
-        return tuple(Zero(site, z.value, z.sigma, z.unit) for z, site in own if site in robot.sites)
+        every = {one.name: one for one in with_zeros(geometry, covariance)}
+        known = ((site, every[f"zero[{site}]"]) for site in robot.sites if f"zero[{site}]" in every)
+        return tuple(Zero(site, one.value, one.sigma, one.unit) for site, one in known)
     rates = carrier_rates(geometry)
     found = []
     for a, actuator in enumerate(robot.actuators):

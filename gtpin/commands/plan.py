@@ -53,7 +53,7 @@ def plan(
         list[str] | None,
         typer.Option(
             metavar="EFFECT[@SITE]",
-            help="For discrimination: effects to tell apart; may be given more than once. By default all.",
+            help="For discrimination: effects to distinguish; may be given more than once. By default all.",
         ),
     ] = None,
     tcp: Tcp = None,
@@ -69,7 +69,7 @@ def plan(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Choose the poses to measure: for a calibration, to tell effects apart, or for a check of the machine's health."""
+    """Choose the poses to measure: for a calibration, to distinguish effects, or for a check of the machine's health."""
     with result_in(output, PosePlanPresentation.files, force=force, as_json=as_json) as take:
         known = read_model(model, tcp=tcp, **chosen(actuators, home))
         noise = _noise(known, position_sigma, orientation_sigma, positions_only)

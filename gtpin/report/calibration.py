@@ -99,7 +99,7 @@ class CalibrationPresentation(FitPresentation):
         return result
 
     def unseen(self) -> tuple[str, ...]:
-        """A sentence for each direction that the data hardly show."""
+        """A sentence for each direction that the data do not determine."""
         c, found = self.calibration, self.calibration.observability
         unseen = found.variance_reduction < UNSEEN
         return unseen_words(c.model.geometry, found.directions[:, unseen], found.variance_reduction[unseen], c.remedies)

@@ -181,7 +181,7 @@ def _sentence(geometry: Geometry, direction: Floats, sigma: float) -> str:
     if _is_growth(geometry, direction):
         return f"The scale of the machine is not determined: all its lengths can change in proportion ({listed}, ...), 1 sigma."
     if abs(direction[order[0]]) > ALONG:
-        return f"{named[0].replace(' by ', ' can be off by ')}, 1 sigma: these readings hardly determine it."
+        return f"{named[0].replace(' by ', ' can be off by ')}, 1 sigma: these readings do not determine it."
     return f"Not determined separately: {listed}, ... (1 sigma): changed together, they hardly change these readings."
 
 

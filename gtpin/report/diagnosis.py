@@ -20,7 +20,7 @@ from gtpin.report.figure import alone
 from gtpin.report.geometry import departures_of, geometry_line, geometry_table
 from gtpin.report.next_experiment import FOLDER, write_experiments
 from gtpin.report.page import Lead, Table
-from gtpin.report.phrases import cause_rows, interval, named, parameter
+from gtpin.report.phrases import cause_rows, named, parameter_rows
 from gtpin.report.provenance import provenance
 from gtpin.report.sections import FitPresentation, Reported
 from gtpin.report.sketch import drawing
@@ -110,13 +110,11 @@ class DiagnosisPresentation(FitPresentation):
 
     def parameters(self) -> Figure:
         """The causes' parameters."""
-        rows = []
-        for c in self.diagnosis.causes:
-            about = (self.diagnosis.effect(c.effect).title, site_words(c.site), chance(c.probability))
-            for name, e in c.parameters.items():
-                size = (*parameter(name, e.value, e.unit, e.sigma), *interval(name, e))
-                rows.append([*about, *size, percent(c.explained_fraction)])
-        head = ("cause", "at", "probability", "parameter", "value", "95 % from", "to", "takes away")
+        d, rows = self.diagnosis, []
+        for c in d.causes:
+            about = (d.effect(c.effect).title, site_words(c.site), chance(c.probability))
+            rows += [[*about, *size, percent(c.explained_fraction)] for size in parameter_rows(c)]
+        head = ("cause", "at", "probability", "parameter", "value", "95 % from", "to", "part of the gap")
         return Table(head, rows).figure("Parameters of the causes")
 
     @in_one_thread

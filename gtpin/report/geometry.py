@@ -20,7 +20,7 @@ is beyond 3 sigmas by chance in 13 % of machines, beyond 2 in 90 %."""
 SMALL = 0.02
 """Smallest displacement, over the largest, of a departure on a first screen."""
 MOST = 0.5
-"""Largest share of the squared displacement that all others may leave where one parameter is said to make it. Parameters can
+"""Largest share of the squared displacement that all others may leave where it is ascribed to one parameter. Parameters can
 compensate each other, so that one of them may displace the TCP by more than all together."""
 HEAD = ("parameter", "change from nominal", "at the TCP, RMS")
 WORDS = {

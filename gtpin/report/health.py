@@ -19,18 +19,17 @@ from gtpin.report.phrases import (
     cause_lines,
     cause_rows,
     doubt_words,
-    interval,
     named,
     overlap,
-    parameter,
     remedy,
 )
 from gtpin.report.provenance import provenance
+from gtpin.report.sections.causes import causes_of
 from gtpin.report.sections.evidence import evidence_of, untestable_of
 from gtpin.report.sketch import drawing
 from gtpin.report.steps import check_steps
-from gtpin.report.verdict import TONES, gap_words
-from gtpin.report.words import chance, joined, percent, quantity, site_words, whole
+from gtpin.report.verdict import TONES, gap_words, untested
+from gtpin.report.words import joined, percent, quantity, site_words, whole
 from gtpin.threads import in_one_thread
 
 if TYPE_CHECKING:
@@ -69,7 +68,7 @@ class HealthCheckPresentation(PagePresentation):
         return Lead(
             f"Check of {c.model.robot.name} against {what} · {c.poses} poses",
             headline(c),
-            [*advice(c), power_words(c)],
+            [*advice(c), power_words(c), untested(c)],
             numbers,
             badge(c) or ("no change" if _identified(c) else "as nominal"),
             TONES[c.verdict],
@@ -88,7 +87,9 @@ class HealthCheckPresentation(PagePresentation):
             f"{whole(f'{c.threshold:.1f}')} nats, or the limit of chi-square, in {percent(c.false_alarm)} of checks like this "
             "one: the limit is found by simulating such checks."
         )
-        return [*([_changes(c)] if c.causes else []), evidence_of(c, [limit]), _power(c), untestable_of(c)]
+        about = "By how much each parameter differs from the earlier model."
+        changes = [Section("changes", "The changes", [about, *causes_of(c, {})])] if c.causes else []
+        return [*changes, evidence_of(c, [limit]), _power(c), untestable_of(c)]
 
     @property
     def origin(self) -> Table:
@@ -135,16 +136,6 @@ class HealthCheckPresentation(PagePresentation):
             "smallest": [asdict(s) for s in check.smallest],
         }
         return found
-
-
-def _changes(check: HealthCheck) -> Section:
-    rows = []
-    for cause in check.causes:
-        about = [check.effect(cause.effect).title, site_words(cause.site), chance(cause.probability)]
-        for name, e in cause.parameters.items():
-            rows.append([*about, *parameter(name, e.value, e.unit, e.sigma), whole(" to ".join(interval(name, e)))])
-    table = Table(("change", "site", "probability", "parameter", "change of it", "95 %"), rows, (2, 4, 5))
-    return Section("changes", "The changes", ["By how much each parameter differs from the earlier model.", table])
 
 
 def _power(check: HealthCheck) -> Section:
@@ -226,8 +217,6 @@ def power_words(check: HealthCheck) -> str:
         worst = max(rows, key=lambda s: np.inf if s.value is None else s.value)
         title = check.effect(effect).title
         parts.append(f"{title} of no size" if worst.value is None else f"{title} {quantity(worst.value, worst.unit)}")
-    tested = sum(one.testable for one in check.candidates)
-    of = f"{tested} of {len(check.candidates)} candidates can be tested with these poses."
     if not parts:
-        return f"These poses show none of the changes that crashes and wear cause most often. {of}"
-    return f"Detected in {percent(check.power)} of checks with such poses, at the worst site: {joined(parts)}. {of}"
+        return "These poses show none of the changes that crashes and wear cause most often."
+    return f"Detected in {percent(check.power)} of checks with such poses, at the worst site: {joined(parts)}."

@@ -232,6 +232,14 @@ def in_terminal(content: Iterable[Block]) -> Iterator[RenderableType]:
                 yield block.striptags() if isinstance(block, Markup) else block
 
 
+def as_text(*parts: RenderableType) -> str:
+    """Sentences and tables as plain text, `WIDTH` wide."""
+    console = Console(highlight=False, markup=False, width=WIDTH, color_system=None)
+    with console.capture() as captured:
+        console.print(*parts, sep="\n")
+    return "\n".join(line.rstrip() for line in captured.get().splitlines()) + "\n"
+
+
 class PagePresentation(Presentation):
     """A result with a page, which its texts are made from too."""
 
@@ -265,14 +273,12 @@ class PagePresentation(Presentation):
 
     def text(self) -> str:
         """The page as plain text, `WIDTH` wide: its words and tables."""
-        console = Console(highlight=False, markup=False, width=WIDTH, color_system=None)
-        with console.capture() as captured:
-            console.print(self.lead.printed())
-            warned = Section("warnings", "Warnings", [Items(self.lead.warnings)])
-            for section in [*self.sections, *([warned] if self.lead.warnings else [])]:
-                if content := list(in_terminal(section.content)):
-                    console.print(f"\n{section.title.upper()}\n", *content, sep="\n")
-        return "\n".join(line.rstrip() for line in captured.get().splitlines()) + "\n"
+        parts: list[RenderableType] = [self.lead.printed()]
+        warned = Section("warnings", "Warnings", [Items(self.lead.warnings)])
+        for section in [*self.sections, *([warned] if self.lead.warnings else [])]:
+            if content := list(in_terminal(section.content)):
+                parts += [f"\n{section.title.upper()}\n", *content]
+        return as_text(*parts)
 
     def page(self) -> str:
         """The whole report as one self-contained HTML file."""

@@ -23,7 +23,7 @@ of causes in a headline."""
 TURN = 2.0 * np.pi
 """One turn, rad."""
 OVERLAP = 0.03
-"""Difference between the sum of shares and their common share from which they are said to overlap."""
+"""Difference between the sum of shares and their common share from which they overlap."""
 REASONS = {
     "missing": "the covariate {covariate} is missing",
     "unusable": "the values of the covariate {covariate} can't be used: a warning says why",
@@ -148,10 +148,13 @@ def parameter(name: str, value: float, unit: str, sigma: float | None = None) ->
     return words, quantity(value, unit, sigma)
 
 
-def interval(name: str, estimate: Estimate) -> tuple[str, str]:
-    """Ends of a parameter's 95 % interval as text."""
-    low, high = (parameter(name, end, estimate.unit)[1] for end in estimate.interval)
-    return (high, low) if _periodic(name, estimate.unit) else (low, high)
+def parameter_rows(cause: Cause) -> list[list[str]]:
+    """Rows of a table: the name of each parameter of a cause, its value, and the ends of its 95 % interval."""
+    rows = []
+    for name, e in cause.parameters.items():
+        ends = [parameter(name, end, e.unit)[1] for end in e.interval]
+        rows.append([*parameter(name, e.value, e.unit, e.sigma), *(ends[::-1] if _periodic(name, e.unit) else ends)])
+    return rows
 
 
 def _periodic(name: str, unit: str) -> bool:
@@ -191,7 +194,7 @@ def sized(found: Findings, one: Cause | Member, words: str) -> str:
 
 
 def explained_words(found: Findings, cause: Cause) -> str:
-    """The part of an error that goes away with a cause: its root mean square, of positions; else its share of the power.
+    """The part of an error that a cause explains: its root mean square, of positions; else its share of the power.
 
     With a share f of the power g^2 = before^2 - floor^2 beyond noise, the root mean square is g sqrt(f). Empty where the error
     does not exceed the noise.
@@ -205,7 +208,7 @@ def explained_words(found: Findings, cause: Cause) -> str:
 
 
 def explained_part(found: Findings, cause: Cause) -> str:
-    """The part of an error that goes away with a cause: ``38.1 µm, 49 %``, its size and its share of the power beyond noise."""
+    """The part of an error that a cause explains: ``38.1 µm, 49 %``, its size and its share of the power beyond noise."""
     sizes = dict.fromkeys((explained_words(found, cause), percent(cause.explained_fraction)))
     return ", ".join(sizes) if "" not in sizes else ""
 

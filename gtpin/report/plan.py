@@ -11,7 +11,7 @@ from rich.console import Group, RenderableType
 from gtpin.output.results import json_text
 from gtpin.output.shown import Presentation
 from gtpin.planning.plan import PosePlan, checked_first
-from gtpin.report.page import Table
+from gtpin.report.page import Table, as_text
 from gtpin.report.phrases import known_as
 from gtpin.report.residuals import columns_of
 from gtpin.report.words import counted, length, percent, quantity
@@ -38,30 +38,17 @@ class PosePlanPresentation(Presentation):
 
     def short(self) -> str:
         """The purpose of the poses, and what they can show."""
-        return "\n".join([*self.words(), *(f"{name}: {size}" for name, size in self._smallest())])
+        shown = self._shown()
+        return "\n".join([*self.words(), *(": ".join(row[:2]) for row in (shown.rows if shown else ()))])
 
     def text(self) -> str:
-        """The sentences, and the numbers of all changes or effects that the poses can show."""
-        import pandas as pd
-
-        rows = [*map(asdict, self.plan.smallest), *map(asdict, self.plan.told)]
-        table = [pd.DataFrame(rows).to_string(index=False)] if rows else []
-        return "\n".join([*self.words(), *table]) + "\n"
+        """The sentences, and the table of changes or effects that the poses can show."""
+        return as_text(self.terminal())
 
     def terminal(self, folder: Path | None = None) -> RenderableType:
         """The sentences, and the table of changes or effects that the poses can show."""
-        order = sorted(self.plan.told, key=lambda one: one.sigma / max(one.sigma_random, 1e-300))
-        rows = [
-            [f"{known_as(one.effect, one.site)}, {one.parameter.replace('_', ' ')}"]
-            + [quantity(sigma, one.unit) for sigma in (one.sigma, one.sigma_random)]
-            for one in order[:SHOWN]
-        ]
-        tables = {
-            "calibration": [],
-            "health": [Table(("change", "smallest"), self._smallest(), whole=True)],
-            "discrimination": [Table(("effect", "1 sigma", "of random poses"), rows, whole=True)],
-        }
-        return Group(*self.words(), *(table.printed() for table in tables[self.plan.purpose]))
+        shown = self._shown()
+        return Group(*self.words(), *([shown.printed()] if shown else []))
 
     def table(self) -> pd.DataFrame:
         """The commands, with the conditions to set."""
@@ -114,13 +101,18 @@ class PosePlanPresentation(Presentation):
             f"{percent(plan.power)} of checks; false alarms: {percent(plan.false_alarm)}."
         ]
 
-    def _smallest(self) -> list[list[str]]:
-        """The changes for which the plan chose its poses, each with the smallest size that is found."""
-        rows = []
-        for one in self.plan.smallest:
+    def _shown(self) -> Table | None:
+        """The changes or effects for which the plan chose its poses, each with its smallest size or its sigma."""
+        plan, rows = self.plan, list[list[str]]()
+        if plan.purpose == "discrimination":
+            for told in sorted(plan.told, key=lambda one: one.sigma / max(one.sigma_random, 1e-300))[:SHOWN]:
+                name = f"{known_as(told.effect, told.site)}, {told.parameter.replace('_', ' ')}"
+                rows.append([name, *(quantity(sigma, told.unit) for sigma in (told.sigma, told.sigma_random))])
+            return Table(("effect", "1 sigma", "of random poses"), rows, whole=True)
+        for one in plan.smallest:
             if one.effect in checked_first():
-                size = "none is found"
+                size = "not detected"
                 if one.value is not None:
                     size = f"{one.parameter.replace('_', ' ')} {quantity(one.value, one.unit)}"
                 rows.append([known_as(one.effect, one.site), size])
-        return rows
+        return Table(("change", "smallest"), rows, whole=True) if rows else None

@@ -9,7 +9,7 @@ from operator import attrgetter
 import numpy as np
 
 from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS
-from gtpin.diagnosis.result import Cause, Considered, Correlate, Diagnosis, Gap, InstrumentGap
+from gtpin.diagnosis.result import Cause, Considered, Correlate, Diagnosis, Findings, Gap, InstrumentGap
 from gtpin.diagnosis.trials import kind
 from gtpin.report.calibration_text import overruled, scatters
 from gtpin.report.page import Lead
@@ -67,14 +67,16 @@ def also(d: Diagnosis) -> list[str]:
     return [f"Small and undecided, without influence on the verdict: {small}."] if small else []
 
 
-def untested(d: Diagnosis) -> str:
+def untested(found: Findings) -> str:
     """A sentence on effects that could not be tested; empty where there is none."""
-    count = sum(not c.testable for c in d.candidates)
+    if not (lacking := [c for c in found.candidates if not c.testable]):
+        return ""
+    missing = (c.reason.covariate for c in lacking if c.reason and c.reason.kind == "missing")
+    names = ", ".join(dict.fromkeys(name.rstrip("0123456789") for name in missing))  # approach1, approach2: approach
     return (
-        f"{count} of {len(d.candidates)} candidates can't be tested with these data{missing_columns(d)}: a cause among them "
-        "is not detected. The section on what could not be tested has the reasons."
-        if count
-        else ""
+        f"{len(lacking)} of {len(found.candidates)} candidates can't be tested with these data"
+        f"{f' (not recorded: {names})' if names else ''}: a cause among them is not detected. The section on what could not be "
+        "tested has the reasons."
     )
 
 
@@ -106,13 +108,6 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
     if supposed:
         return [f"No cause beside the geometry: the {size.after} that it leaves can be noise."], [use, *assumed(d)]
     return ["No cause beside the geometry: only noise is left."], [use]
-
-
-def missing_columns(d: Diagnosis) -> str:
-    """The columns without which candidates can't be tested, in parentheses."""
-    missing = (c.reason.covariate for c in d.candidates if not c.testable and c.reason and c.reason.kind == "missing")
-    names = ", ".join(dict.fromkeys(name.rstrip("0123456789") for name in missing))  # approach1, approach2: approach
-    return f" (not recorded: {names})" if names else ""
 
 
 def assumed(d: Diagnosis) -> list[str]:
@@ -250,10 +245,10 @@ def _left(one: Gap | InstrumentGap) -> float:
 
 
 def beyond_noise(gap: Gap) -> str:
-    """What goes away with the causes, in lengths, where the gap beyond noise is smaller than noise; empty otherwise.
+    """What the causes explain, in lengths, where the gap beyond noise is smaller than noise; else empty.
 
     A fraction of such a gap says little. The gap beyond noise is g = sqrt(before^2 - floor^2); with a fraction f of its power
-    explained, g (1 - sqrt(1 - f)) of it goes away.
+    explained, the causes explain g (1 - sqrt(1 - f)) of it.
     """
     power = gap.before**2 - gap.floor**2
     if gap.by_instrument or gap.interval is None or not 0.0 < power < gap.floor**2:

@@ -113,7 +113,7 @@ _SECTIONS: list[tuple[float, Make]] = []
 
 
 def section(place: float) -> Callable[[Make], Make]:
-    """Mark a function that makes a section; sections stand in the order of their places."""
+    """Mark a function that makes a section; sections are in the order of their places."""
 
     def marked(make: Make) -> Make:
         _SECTIONS.append((place, make))

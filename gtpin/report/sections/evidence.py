@@ -13,7 +13,7 @@ from gtpin.report.sections import Reported, section
 from gtpin.report.words import coordinate_words, counted, joined, percent, short, site_words, typeset, whole
 
 CHANCE = 0.01
-"""Smallest p-value at which noise alone explains what is left."""
+"""Smallest p-value at which noise alone explains the residuals."""
 LEAST = 0.01
 """Smallest share that has a bar."""
 SHOWN = 12

@@ -89,12 +89,12 @@ def zero_blocks(c: Calibration) -> list[Block]:
 def _to_add(p: DhParameter) -> str:
     if not p.determined and not abs(p.correction) > STEADY * p.sigma:
         return "not determined"
-    return quantity(p.correction, p.unit, p.sigma) + ("" if p.determined else " (hardly determined)")
+    return quantity(p.correction, p.unit, p.sigma) + ("" if p.determined else " (not well determined)")
 
 
 @section(120)
 def what_the_data_can_t_see(r: Reported) -> Section | None:
-    """Directions that the data of a calibration hardly show, and the strongest correlations."""
+    """Directions that the data of a calibration do not determine, and the strongest correlations."""
     if r.diagnosis is not None:
         return None
     c, rows = r.calibration, []
@@ -104,7 +104,7 @@ def what_the_data_can_t_see(r: Reported) -> Section | None:
     content: list[Block] = ["The data determine every direction of the geometry."]
     if rows:
         content = [
-            "Directions of the geometry that these data hardly determine. Their values are the prior means, and change no "
+            "Directions of the geometry that these data do not determine. Their values are the prior means, and change no "
             "prediction near the measured poses.",
             *grouped(c.words, c.remedies),
             Table(("direction, weights in tolerances", "variance reduction"), rows, (1,)),
