@@ -22,6 +22,8 @@ SMALL = 0.02
 MOST = 0.5
 """Largest share of the squared displacement that all others may leave where it is ascribed to one parameter. Parameters can
 compensate each other, so that one of them may displace the TCP by more than all together."""
+KEPT = 0.5
+"""Largest ratio of the largest determined departure with open causes to that without them, where they take it up. Assumed."""
 HEAD = ("parameter", "change from nominal", "at the TCP, RMS")
 WORDS = {
     "zero": "zero of {site}",
@@ -38,10 +40,14 @@ WORDS = {
 
 
 def departures_of(d: Diagnosis) -> tuple[Departure, ...]:
-    """The departures that a diagnosis found: with its causes where all are certain; else of the geometry alone, because an open
-    cause can take up a part of a departure."""
-    sure = all(cause.probability >= SURE for cause in d.causes)
-    return departures(d.model if sure else d.baseline.model, d.dataset.q)
+    """The departures that a diagnosis found, with its causes. Where an open cause takes up the largest one (it moves the TCP as
+    a wrong zero does, for example), those of the geometry alone."""
+    found = departures(d.model, d.dataset.q)
+    if all(cause.probability >= SURE for cause in d.causes):
+        return found
+    alone = departures(d.baseline.model, d.dataset.q)
+    size, size_alone = (max((one.position_rms for one in clear(some)), default=0.0) for some in (found, alone))
+    return found if size > KEPT * size_alone else alone
 
 
 def departure_words(one: Departure) -> str:
