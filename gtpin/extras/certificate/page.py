@@ -235,7 +235,7 @@ def _budget(c: Certificate) -> Section:
 
 def blank_words(c: Certificate) -> list[str]:
     """How many numbers are blank: what the user has to state, and how many need further measurements."""
-    blank = [one for one in (*c.quantities, *c.budget.rows) if one.missing is not None]
+    blank = _blank(c)
     state = [why(one) for one in blank if one.missing in STATE]
     found = [f"For you to fill in: {'; '.join(dict.fromkeys(state))}."] if state else []
     if measured := len(blank) - len(state):
@@ -245,15 +245,17 @@ def blank_words(c: Certificate) -> list[str]:
     return found
 
 
+def _blank(c: Certificate) -> list[Quantity | Contribution]:
+    every: list[Quantity | Contribution] = [*c.quantities, *c.budget.rows]
+    return [one for one in every if one.missing is not None]
+
+
 def _blanks(c: Certificate) -> list[Block]:
     """The blank numbers by reason: those that the user has to fill in, then those that need measurements."""
     reasons: dict[tuple[bool, str], dict[str, list[str]]] = {}
-    for one in (*c.quantities, *c.budget.rows):
-        if one.missing is not None:
-            name, site = (
-                (DEFINITIONS[one.symbol].name, one.site) if isinstance(one, Quantity) else (ROWS[one.source], "")
-            )
-            reasons.setdefault((one.missing in STATE, why(one)), {}).setdefault(name, []).append(site)
+    for one in _blank(c):
+        name, site = (DEFINITIONS[one.symbol].name, one.site) if isinstance(one, Quantity) else (ROWS[one.source], "")
+        reasons.setdefault((one.missing in STATE, why(one)), {}).setdefault(name, []).append(site)
     content: list[Block] = []
     for state, title in ((True, "For you to fill in"), (False, "To be measured")):
         found = [
