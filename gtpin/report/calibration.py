@@ -18,7 +18,7 @@ from gtpin.report.calibration_text import cannot_judge, elsewhere, lost, scatter
 from gtpin.report.geometry import geometry_line, geometry_table
 from gtpin.report.page import Lead, Table
 from gtpin.report.provenance import provenance
-from gtpin.report.sections import FitPresentation, Reported
+from gtpin.report.sections import FitPresentation
 from gtpin.report.sections.parameters import parameter_table
 from gtpin.report.sketch import drawing
 from gtpin.report.steps import calibration_steps
@@ -38,7 +38,6 @@ UNKNOWN = "residuals of the fit: the noise is not known"
 class CalibrationPresentation(FitPresentation):
     """A calibration; its table is that of its parameters."""
 
-    calibration: Calibration
     files = CALIBRATION
 
     @property
@@ -49,7 +48,7 @@ class CalibrationPresentation(FitPresentation):
     @cached_property
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, and what to do."""
-        c, q = self.calibration, self.reported.dataset.q
+        c, q = self.calibration, self.dataset.q
         found = departures(c.model, q)
         tone, badge, headline, advice = _verdict(c)
         return Lead(
@@ -68,7 +67,7 @@ class CalibrationPresentation(FitPresentation):
     @property
     def origin(self) -> Table:
         """Versions and digests."""
-        return provenance(self.reported.dataset, self.calibration.model.robot)
+        return provenance(self.dataset, self.calibration.model.robot)
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter: ``value sigma low high unit nominal tolerance learned``, by its name."""
@@ -79,11 +78,6 @@ class CalibrationPresentation(FitPresentation):
         rows = [(e.value, e.sigma, *e.interval, e.unit, p.nominal, p.tolerance, share) for e, p, share in estimates]
         columns = ["value", "sigma", "low", "high", "unit", "nominal", "tolerance", "learned"]
         return pd.DataFrame(rows, columns=columns, index=pd.Index(c.names, name="parameter"))
-
-    @cached_property
-    def reported(self) -> Reported:
-        """What page and figures are made from."""
-        return Reported(self.calibration)
 
     def parameters(self) -> Figure:
         """The report's table of all parameters."""

@@ -22,7 +22,7 @@ from gtpin.report.next_experiment import FOLDER, write_experiments
 from gtpin.report.page import Lead, Table
 from gtpin.report.phrases import cause_rows, named, parameter_rows
 from gtpin.report.provenance import provenance
-from gtpin.report.sections import FitPresentation, Reported
+from gtpin.report.sections import FitPresentation
 from gtpin.report.sketch import drawing
 from gtpin.report.steps import steps
 from gtpin.report.verdict import gap_words, verdict
@@ -45,8 +45,13 @@ COLUMNS = ("effect", "site", "probability", "shrinkage", "parameter", "value", "
 class DiagnosisPresentation(FitPresentation):
     """A diagnosis; its table is that of its causes' parameters."""
 
-    diagnosis: Diagnosis
     files = DIAGNOSIS
+
+    @property
+    def diagnosis(self) -> Diagnosis:
+        """The diagnosis."""
+        assert isinstance(self.result, Diagnosis)
+        return self.result
 
     @property
     def title(self) -> str:
@@ -75,7 +80,7 @@ class DiagnosisPresentation(FitPresentation):
     @property
     def origin(self) -> Table:
         """Versions, seed and digests."""
-        return provenance(self.reported.dataset, self.diagnosis.model.robot, self.diagnosis.seed)
+        return provenance(self.dataset, self.diagnosis.model.robot, self.diagnosis.seed)
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter of each cause."""
@@ -88,18 +93,13 @@ class DiagnosisPresentation(FitPresentation):
         ]
         return pd.DataFrame(rows, columns=list(COLUMNS))
 
-    @cached_property
-    def reported(self) -> Reported:
-        """What page and figures are made from."""
-        return Reported(self.diagnosis.baseline, self.diagnosis)
-
     def effect(self, number: int, name: str | None) -> Figure:
         """The curve of a cause with its interval."""
         causes = self.diagnosis.causes
         if not 0 <= number < len(causes):
             raise GtpinError(f"there is no cause {number}", hint=f"there are {len(causes)}, counted from 0")
         cause = causes[number]
-        found = self.reported.curves[cause.effect, cause.site]
+        found = self.curves[cause.effect, cause.site]
         chosen = drawn_curves(found) if name is None else [curve for curve in found if curve.name == name]
         if not chosen:
             known = ", ".join(dict.fromkeys(curve.name for curve in found))

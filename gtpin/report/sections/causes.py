@@ -14,13 +14,13 @@ from gtpin.report.effect_curves import EffectCurve, curve_notes, curve_plots, re
 from gtpin.report.next_experiment import experiment_notes
 from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Plots, Section, Table
 from gtpin.report.phrases import clause, explained_part, named, of_robot, others, parameter_rows, sentence
-from gtpin.report.sections import Reported, section
+from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import capital, chance
 from gtpin.robot.chain import Chain
 
 
 @section(20)
-def the_causes(r: Reported) -> Section | None:
+def the_causes(r: FitPresentation) -> Section | None:
     """Each cause with its parameters, what they mean, and its curves."""
     d = r.diagnosis
     if d is None or not d.causes:
@@ -71,7 +71,7 @@ def _marked(text: str) -> Markup:
 
 
 @section(90)
-def what_can_t_be_distinguished(r: Reported) -> Section | None:
+def what_can_t_be_distinguished(r: FitPresentation) -> Section | None:
     """Classes of causes that can't be distinguished, and what to measure next."""
     if (d := r.diagnosis) is None:
         return None

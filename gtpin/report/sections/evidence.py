@@ -9,7 +9,7 @@ from gtpin.diagnosis.result import Findings
 from gtpin.report.page import Bar, Bars, Block, Fold, Plots, Section, Table
 from gtpin.report.phrases import named, reason_words
 from gtpin.report.residual_plots import over_two
-from gtpin.report.sections import Reported, section
+from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import coordinate_words, counted, joined, percent, short, site_words, typeset, whole
 
 CHANCE = 0.01
@@ -21,7 +21,7 @@ SHOWN = 12
 
 
 @section(10)
-def where_it_lies(r: Reported) -> Section | None:
+def where_it_lies(r: FitPresentation) -> Section | None:
     """Shares by site, rod, axis, coordinate and region, as far as they exist."""
     if r.diagnosis is None:
         return None
@@ -57,7 +57,7 @@ def _bars(shares: Mapping[str, float], words: Callable[[float], str] = lambda _:
 
 
 @section(30)
-def what_is_left(r: Reported) -> Section | None:
+def what_is_left(r: FitPresentation) -> Section | None:
     """What is left unexplained, and the coordinates with which it correlates, if it is more than noise."""
     if r.diagnosis is None:
         return None
@@ -87,7 +87,7 @@ def _rare(p_value: float) -> str:
 
 
 @section(80)
-def evidence(r: Reported) -> Section | None:
+def evidence(r: FitPresentation) -> Section | None:
     """The evidence of each candidate of a diagnosis."""
     if (d := r.diagnosis) is None:
         return None
@@ -120,7 +120,7 @@ def evidence_of(found: Findings, words: Sequence[Block]) -> Section:
 
 
 @section(100)
-def what_could_not_be_tested(r: Reported) -> Section | None:
+def what_could_not_be_tested(r: FitPresentation) -> Section | None:
     """Effects that could not be tested by a diagnosis."""
     return None if r.diagnosis is None else untestable_of(r.diagnosis)
 

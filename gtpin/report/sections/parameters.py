@@ -11,7 +11,7 @@ from gtpin.model.model import Model
 from gtpin.report.calibration_text import SHOWN, grouped
 from gtpin.report.geometry import all_departures, departures_of, zero_size
 from gtpin.report.page import Block, Fold, Heading, Section, Table
-from gtpin.report.sections import Reported, section
+from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import percent, quantity, whole
 
 STEADY = 1e-3
@@ -19,7 +19,7 @@ STEADY = 1e-3
 
 
 @section(110)
-def parameters(r: Reported) -> Section:
+def parameters(r: FitPresentation) -> Section:
     """The departures of the geometry from nominal, the controller's table of a serial arm, and all parameters; of a diagnosis
     without and with the causes."""
     c, d = r.calibration, r.diagnosis
@@ -93,7 +93,7 @@ def _to_add(p: DhParameter) -> str:
 
 
 @section(120)
-def what_the_data_can_t_see(r: Reported) -> Section | None:
+def what_the_data_can_t_see(r: FitPresentation) -> Section | None:
     """Directions that the data of a calibration do not determine, and the strongest correlations."""
     if r.diagnosis is not None:
         return None
