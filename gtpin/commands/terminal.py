@@ -12,8 +12,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console, RenderableType
 from rich.progress import Progress as RichProgress
-from rich.progress import ProgressColumn, SpinnerColumn, Task, TextColumn, TimeElapsedColumn
-from rich.text import Text
+from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 from typer.core import TyperCommand, TyperOption
 
 from gtpin.calibration.robust_fit import Progress
@@ -181,29 +180,16 @@ def result_in(output: Path, files: Collection[str], *, force: bool, as_json: boo
     tell(content, text, as_json)
 
 
-class SpeedColumn(ProgressColumn):
-    """The speed of a task, by a format of the number of steps in ``seconds``."""
-
-    def __init__(self, text: str, seconds: float = 1.0) -> None:
-        super().__init__()
-        self._text, self._seconds = text, seconds
-
-    def render(self, task: Task) -> Text:
-        """The column's text."""
-        return Text(self._text.format(self._seconds * task.speed) if task.speed else "")
-
-
 @contextmanager
 def progress_of(what: str) -> Iterator[Progress]:
     """Show progress of long work on standard error, if that is a terminal; yields the function to report it to."""
     console = Console(stderr=True)
-    rate = SpeedColumn("{:.1f} iterations a second")  # the number of iterations of a fit is not known beforehand
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), rate, TimeElapsedColumn())
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with RichProgress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(what, total=None)
 
         def report(step: str, iteration: int, size: float) -> None:
             detail = f", iteration {iteration}, residuals {size:.3g} times the noise" if iteration else ""
-            bar.update(task, description=f"{what}: {step}{detail}", advance=1 if iteration else 0)
+            bar.update(task, description=f"{what}: {step}{detail}")
 
         yield report

@@ -20,7 +20,7 @@ from gtpin.model.model_folder import model_json, write_model
 from gtpin.output.results import json_text
 from gtpin.report.page import Block, Fold, Heading, Items, Lead, PagePresentation, Section, Step, Table, in_terminal
 from gtpin.report.provenance import digest, provenance
-from gtpin.report.words import capital, counted, joined, percent, quantity
+from gtpin.report.words import capital, counted, joined, percent, quantity, typeset
 from gtpin.typing import Floats
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class CertificatePresentation(PagePresentation):
         c = self.certificate
         effects = ", ".join(active.name for active in c.model.effects)
         certified = [
-            f"Measured commands: {limits(c)}.",
+            f"Measured commands: {typeset(limits(c))}.",
             f"The model corrects geometry and {effects}." if effects else "The model corrects geometry alone.",
             f"The model is {MODEL} in the folder of this page; its digest is at the end.",
         ]
