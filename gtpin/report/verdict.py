@@ -152,14 +152,18 @@ def questions(d: Diagnosis) -> list[str]:
 def _moves(near: Sequence[Correlate], s: str) -> str:
     """What an unknown error displaces, and on what it depends, of each of some that are about equally probable; ``s`` ends the
     verbs."""
-    found: dict[str, list[str]] = {}
+    over: dict[tuple[str, str], list[str]] = {}
     for one in near:
-        act = f"displace{s} {site_words(one.site)}"
+        verb, what = "displace", site_words(one.site)
         if one.site == "frame":
-            scale = f"change{s} the scale of the instrument or the whole machine"
-            act = scale if one.motion == "stretch" else f"displace{s} the instrument or the machine's base"
-        found.setdefault(act, []).append(coordinate_words(one.coordinates))
-    return ", or ".join(f"{act} depending on {' or '.join(over)}" for act, over in found.items())
+            what = "the instrument or the machine's base"
+            if one.motion == "stretch":
+                verb, what = "change", "the scale of the instrument or the whole machine"
+        over.setdefault((verb, what), []).append(coordinate_words(one.coordinates))
+    alike: dict[tuple[str, str], list[str]] = {}
+    for (verb, what), coordinates in over.items():
+        alike.setdefault((verb, " or ".join(coordinates)), []).append(what)
+    return ", or ".join(f"{verb}{s} {' or '.join(every)} depending on {them}" for (verb, them), every in alike.items())
 
 
 def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
