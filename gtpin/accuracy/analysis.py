@@ -14,7 +14,7 @@ from gtpin.accuracy.dexterity import dexterity
 from gtpin.accuracy.expected import ExpectedError, Uncertainty, expected_error, mean_length, response
 from gtpin.accuracy.sensitivity import Sensitivity, rod_names, sensitivity
 from gtpin.accuracy.workspace import Workspace, default_commands, space_of
-from gtpin.errors import ModelError, check_kind
+from gtpin.errors import ModelError, check_kind, noted
 from gtpin.kinematics.rotations import well_defined, zyz
 from gtpin.model.model import Model
 from gtpin.output.shown import Shown, present
@@ -48,6 +48,8 @@ class Accuracy(Shown):
         Seed of the random machines of ``expected``, and of the postures of a robot without rods.
     filling
         Whether the commands were chosen to fill the ranges of the actuators, and not given.
+    warnings
+        Texts of all warnings.
 
     Examples
     --------
@@ -65,6 +67,7 @@ class Accuracy(Shown):
     expected: ExpectedError
     seed: int = 0
     filling: bool = False
+    warnings: tuple[str, ...] = ()
 
     @cached_property
     def space(self) -> Workspace:
@@ -93,8 +96,8 @@ class Accuracy(Shown):
         random machines and poses, and ``maximum``, the mean over machines of the largest error over the poses; ``zyz_range``,
         ranges of the ZYZ Euler angles over the poses (rad), null near their singularity; ``dexterity``, the ``least``,
         ``median`` and ``most`` of each measure over the poses that the robot has (see
-        :class:`~gtpin.accuracy.dexterity.Dexterity`), null where it is infinite. Values of orientation are null for a reduced
-        arm.
+        :class:`~gtpin.accuracy.dexterity.Dexterity`), null where it is infinite; ``warnings``. Values of orientation are null
+        for a reduced arm.
         """
         poses = self.model.kinematics.forward(self.q)
         turns = self.expected.orientation is not None and not self.model.geometry.positions_only
@@ -114,6 +117,7 @@ class Accuracy(Shown):
             if turns and well_defined(poses.R)
             else None,
             "dexterity": {name: _range_json(values) for name, values in measures.items()},
+            "warnings": list(self.warnings),
         }
 
     def save(self, folder: Path | str, *, force: bool = False) -> None:
@@ -182,14 +186,15 @@ def analyse(
     """
     check_kind(model, Model)
     filling = q is None
-    q = default_commands(model, seed=seed) if q is None else real(q, "commands")
-    sigmas = None if costs is None else _sigmas(model, costs, cost_poses)
-    found = sensitivity(model, q, sigmas=sigmas)
-    uncertain = "as given"
-    if uncertainty is None:
-        uncertain, uncertainty = _usual_uncertainty(model, sigmas)
-    expected = expected_error(model, q, uncertainty, seed=seed)
-    return Accuracy(model, q, found, uncertainty, uncertain, expected, seed, filling)
+    with noted() as texts:
+        q = default_commands(model, seed=seed) if q is None else real(q, "commands")
+        sigmas = None if costs is None else _sigmas(model, costs, cost_poses)
+        found = sensitivity(model, q, sigmas=sigmas)
+        uncertain = "as given"
+        if uncertainty is None:
+            uncertain, uncertainty = _usual_uncertainty(model, sigmas)
+        expected = expected_error(model, q, uncertainty, seed=seed)
+    return Accuracy(model, q, found, uncertainty, uncertain, expected, seed, filling, tuple(dict.fromkeys(texts)))
 
 
 def _usual_uncertainty(model: Model, sigmas: Floats | None) -> tuple[str, Uncertainty]:

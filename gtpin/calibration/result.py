@@ -349,7 +349,7 @@ class Calibration(Shown):
         DatasetError
             If there is no such column or component.
         """
-        figure: Figure = present(self).residuals(against, component)
+        figure: Figure = present(self).against(against, component)
         return figure
 
     def plot_workspace(self, view: str = "xy") -> Figure:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtpin.kinematics.placed import carrier_rates, joints_on_carrier
+from gtpin.model.departures import with_zeros
 from gtpin.model.dh import controller_table
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
@@ -32,7 +33,8 @@ def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]
     """The equivalent zero of every actuator.
 
     Of a serial arm: those that the data determine, ``theta`` (``d`` of what slides) of :mod:`~gtpin.model.dh`. Of a robot with
-    rods, those of the actuators that carry joints of rods, by least squares over their motions.
+    rods, those of the actuators that carry joints of rods, by least squares over their motions. Of other robots with loops: see
+    :func:`~gtpin.model.departures.with_zeros`.
 
     A zero that is off by z moves joint i at command 0 by t_i z, with t_i the derivative of its position by the command: along
     the track, or about the arm's axis. From deviations c_i from nominal, z = sum t_i.c_i / sum t_i.t_i: for a track, the mean
@@ -45,7 +47,11 @@ def equivalent_zeros(geometry: Geometry, covariance: Floats) -> tuple[Zero, ...]
         slide = {a.site for a in robot.actuators if not a.revolute}
         table = controller_table(Model(geometry, covariance=covariance))
         zeros = (p for p in table if p.name == ("d" if p.site in slide else "theta") and p.determined)
-        return tuple(Zero(p.site, p.correction, p.sigma, p.unit) for p in zeros)
+        if table:
+            return tuple(Zero(p.site, p.correction, p.sigma, p.unit) for p in zeros)
+        every = {one.name: one for one in with_zeros(geometry, covariance)}
+        known = ((site, every[f"zero[{site}]"]) for site in robot.sites if f"zero[{site}]" in every)
+        return tuple(Zero(site, one.value, one.sigma, one.unit) for site, one in known)
     rates = carrier_rates(geometry)
     found = []
     for a, actuator in enumerate(robot.actuators):

@@ -18,16 +18,13 @@ from gtpin.commands.terminal import (
     TrustData,
     progress_of,
     read_dataset,
-    rendered,
-    tell,
-    written,
+    result_in,
 )
 from gtpin.effects.active import ActiveEffect
 from gtpin.errors import ModelError
 from gtpin.model.measured_robot import check_same_robot
 from gtpin.model.model_folder import read_model
-from gtpin.output.results import results_folder
-from gtpin.report.calibration import CALIBRATION, CalibrationPresentation
+from gtpin.report.calibration import CALIBRATION
 
 
 def calibrate(
@@ -63,7 +60,7 @@ def calibrate(
     as_json: AsJson = False,
 ) -> None:
     """Identify the robot's geometry from measured poses."""
-    with results_folder(output, CALIBRATION, force=force) as folder:
+    with result_in(output, CALIBRATION, force=force, as_json=as_json) as take:
         read = read_dataset(dataset, tcp, trust=trust_data)
         kept: tuple[ActiveEffect, ...] = ()
         if keep_effects is not None:
@@ -71,7 +68,7 @@ def calibrate(
             check_same_robot(earlier.robot, read)
             kept = earlier.effects
         with progress_of("calibrating") as progress:
-            calibration = run_calibration(
+            found = run_calibration(
                 read,
                 model=model,
                 orientations=orientations,
@@ -81,9 +78,7 @@ def calibrate(
                 keep_effects=kept,
                 progress=progress,
             )
-        shown = CalibrationPresentation(calibration)
-        result = shown.write(folder)
-    tell(result, rendered(shown.terminal(output), written(output, CALIBRATION, "report.html")), as_json)
+        take(found)
 
 
 def _fixed(given: Iterable[str]) -> dict[str, float]:

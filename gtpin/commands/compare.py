@@ -17,13 +17,10 @@ from gtpin.commands.terminal import (
     TrustData,
     progress_of,
     read_dataset,
-    rendered,
-    tell,
-    written,
+    result_in,
 )
 from gtpin.comparison.compare import compare as run_comparison
 from gtpin.errors import GtpinError
-from gtpin.output.results import results_folder
 from gtpin.report.comparison import ComparisonPresentation
 
 
@@ -43,11 +40,8 @@ def compare(
             "compare takes one dataset",
             hint=f"what has changed since a model: gtpin diagnose {newer} --against {dataset} -o {output}",
         )
-    with results_folder(output, ComparisonPresentation.files, force=force) as folder:
+    with result_in(output, ComparisonPresentation.files, force=force, as_json=as_json) as take:
         read = read_dataset(dataset, trust=trust_data)
         with progress_of("comparing") as progress:
-            comparison = run_comparison(read, orientations=orientations, seed=seed, progress=progress)
-        shown = ComparisonPresentation(comparison)
-        result = shown.write(folder)
-    files = written(output, ("compare.csv", "compare.json"), "report.html")
-    tell(result, rendered(shown.terminal(output), files), as_json)
+            found = run_comparison(read, orientations=orientations, seed=seed, progress=progress)
+        take(found)

@@ -18,9 +18,7 @@ from gtpin.commands.terminal import (
     TrustData,
     progress_of,
     read_dataset,
-    rendered,
-    tell,
-    written,
+    result_in,
 )
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.diagnose import diagnose as run_diagnosis
@@ -28,8 +26,6 @@ from gtpin.diagnosis.result import HoldOut
 from gtpin.errors import GtpinError
 from gtpin.extensions import extension
 from gtpin.model.model_folder import read_model
-from gtpin.output.results import results_folder
-from gtpin.output.shown import present
 from gtpin.report.diagnosis import DIAGNOSIS
 
 
@@ -74,7 +70,7 @@ def diagnose(
         log: Any = None
         if history is not None:
             log = stack.enter_context(extension("gtpin.options", "history")(history, force=force))
-        folder = stack.enter_context(results_folder(output, DIAGNOSIS, force=force))
+        take = stack.enter_context(result_in(output, DIAGNOSIS, force=force, as_json=as_json))
         earlier: Any = None if against is None else read_model(against)
         read = read_dataset(dataset, tcp, trust=trust_data)
         if log is not None:
@@ -89,15 +85,11 @@ def diagnose(
                 seed=seed,
                 progress=progress,
             )
-        shown = present(found)
-        result = shown.write(folder)
+        take(found)
         if log is not None:
             log.add(found)
-    text = [shown.terminal() if against is not None else shown.terminal(output)]
-    text.append(written(output, ("diagnosis.json", "baseline", "model"), "report.html"))
-    if log is not None:
-        text.append(f"All checks: {log.page}")
-    tell(result, rendered(*text), as_json)
+    if log is not None and not as_json:
+        typer.echo(f"All checks: {log.page}")
 
 
 def _refuse_alone(given: bool, option: str, why: str) -> None:

@@ -18,10 +18,7 @@ from gtpin.commands.terminal import (
     Tcp,
     chosen,
     progress_of,
-    rendered,
-    tell,
-    write_json,
-    written,
+    result_in,
 )
 from gtpin.data import Commands
 from gtpin.diagnosis.diagnose import FALSE_ALARM
@@ -29,13 +26,9 @@ from gtpin.errors import ModelError
 from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
 from gtpin.noise.noise import Noise
-from gtpin.output.results import results_folder
 from gtpin.planning.plan import Place, Purpose
 from gtpin.planning.plan import plan as run_plan
 from gtpin.report.plan import PosePlanPresentation
-
-FILES = ("commands.csv", "plan.json")
-"""Names of the files that the command writes."""
 
 
 def plan(
@@ -60,7 +53,7 @@ def plan(
         list[str] | None,
         typer.Option(
             metavar="EFFECT[@SITE]",
-            help="For discrimination: effects to tell apart; may be given more than once. By default all.",
+            help="For discrimination: effects to distinguish; may be given more than once. By default all.",
         ),
     ] = None,
     tcp: Tcp = None,
@@ -76,8 +69,8 @@ def plan(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Choose the poses to measure: for a calibration, to tell effects apart, or for a check of the machine's health."""
-    with results_folder(output, FILES, force=force) as folder:
+    """Choose the poses to measure: for a calibration, to distinguish effects, or for a check of the machine's health."""
+    with result_in(output, PosePlanPresentation.files, force=force, as_json=as_json) as take:
         known = read_model(model, tcp=tcp, **chosen(actuators, home))
         noise = _noise(known, position_sigma, orientation_sigma, positions_only)
         q = None if candidates is None else Commands.read(candidates, known.robot.n_actuators).q
@@ -94,10 +87,7 @@ def plan(
                 false_alarm=false_alarm,
                 seed=seed,
             )
-        found.commands.write(folder / "commands.csv")
-        result = found.to_json()
-        write_json(folder / "plan.json", result)
-    tell(result, rendered(PosePlanPresentation(found).terminal(), written(output, FILES)), as_json)
+        take(found)
 
 
 def _noise(model: Model, position: float | None, orientation: float | None, positions_only: bool) -> Noise | None:

@@ -58,7 +58,7 @@ OWN = (
     CommandEntry(
         "plan",
         "gtpin.commands.plan:plan",
-        "Choose the poses to measure: for a calibration, to tell effects apart, or for a check of the machine's health.",
+        "Choose the poses to measure: for a calibration, to distinguish effects, or for a check of the machine's health.",
         (
             "gtpin plan calibrated --for health --poses 10 -o ten",
             "gtpin plan gantry_tau --for calibration --poses 40 --position-sigma 15e-6 --orientation-sigma 5e-5 -o forty",

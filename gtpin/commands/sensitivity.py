@@ -20,16 +20,13 @@ from gtpin.commands.terminal import (
     Tcp,
     chosen,
     progress_of,
-    rendered,
-    tell,
-    written,
+    result_in,
 )
 from gtpin.data import Commands
-from gtpin.errors import warn
+from gtpin.errors import noted, warn
 from gtpin.export.loss import assumed_tool
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
-from gtpin.output.results import results_folder
 from gtpin.report.accuracy import AccuracyPresentation
 
 
@@ -48,8 +45,9 @@ def sensitivity(
 ) -> None:
     """Show how each parameter moves the TCP, and the expected error over the workspace."""
     with (
-        results_folder(output, AccuracyPresentation.files, force=force) as folder,
+        result_in(output, AccuracyPresentation.files, force=force, as_json=as_json) as take,
         progress_of("sensitivity") as progress,
+        noted() as texts,
     ):
         measured = read_model(model, tcp=tcp, **chosen(actuators, home))
         for text in assumed_tool(measured):
@@ -63,7 +61,5 @@ def sensitivity(
             predict(replace(found, effects=()), given)
             q = given.q
         progress("each parameter at each pose", 0, float("nan"))
-        shown = AccuracyPresentation(analyse(found, q, seed=seed))
-        result = shown.write(folder)
-    files = written(output, ("sensitivity.csv", "accuracy.json", "report.html"), "report.html")
-    tell(result, rendered(shown.terminal(output), files), as_json)
+        accuracy = analyse(found, q, seed=seed)
+        take(replace(accuracy, warnings=tuple(dict.fromkeys(texts))))

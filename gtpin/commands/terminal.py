@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -12,14 +12,14 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console, RenderableType
 from rich.progress import Progress as RichProgress
-from rich.progress import ProgressColumn, SpinnerColumn, Task, TextColumn, TimeElapsedColumn
-from rich.text import Text
+from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 from typer.core import TyperCommand, TyperOption
 
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
 from gtpin.errors import GtpinError
-from gtpin.output.results import json_text
+from gtpin.output.results import json_text, results_folder
+from gtpin.output.shown import present
 from gtpin.threads import one_thread
 
 
@@ -135,12 +135,6 @@ def not_its_input(output: Path, read: Path) -> None:
         raise GtpinError("this is read", file=output, hint="name another file for the result")
 
 
-def written(output: Path, names: Iterable[str], page: str = "") -> str:
-    """The lines that name what was written into a folder, and its page to open."""
-    files = f"Written: {', '.join(str(output / name) for name in names)}"
-    return f"{files}\nOpen {output / page}" if page else files
-
-
 def tell(result: object, text: str, as_json: bool) -> None:
     """Print a result on standard output: the text, or only the JSON."""
     try:
@@ -163,29 +157,39 @@ def rendered(*parts: RenderableType) -> str:
     return "\n".join(line.rstrip(" ") for line in captured.get().splitlines())
 
 
-class SpeedColumn(ProgressColumn):
-    """The speed of a task, by a format of the number of steps in ``seconds``."""
+@contextmanager
+def result_in(output: Path, files: Collection[str], *, force: bool, as_json: bool) -> Iterator[Callable[[Any], None]]:
+    """Context of a command that writes one result into a folder; it yields the function that takes the result.
 
-    def __init__(self, text: str, seconds: float = 1.0) -> None:
-        super().__init__()
-        self._text, self._seconds = text, seconds
+    The result is written at once. When the block ends without an error it is moved into place, and printed.
 
-    def render(self, task: Task) -> Text:
-        """The column's text."""
-        return Text(self._text.format(self._seconds * task.speed) if task.speed else "")
+    ``files``: names of all that the result's presentation writes.
+    """
+    with results_folder(output, files, force=force) as folder:
+        taken: list[tuple[Any, object]] = []
+
+        def take(found: Any) -> None:
+            shown = present(found)
+            taken.append((shown, shown.write(folder)))
+
+        yield take
+        there = [name for name in files if (folder / name).exists()]
+    (shown, content), page = taken[0], next((name for name in files if name.endswith(".html")), "")
+    names = f"Written: {', '.join(str(output / name) for name in there)}"
+    text = rendered(shown.terminal(output), f"{names}\nOpen {output / page}" if page else names)
+    tell(content, text, as_json)
 
 
 @contextmanager
 def progress_of(what: str) -> Iterator[Progress]:
     """Show progress of long work on standard error, if that is a terminal; yields the function to report it to."""
     console = Console(stderr=True)
-    rate = SpeedColumn("{:.1f} iterations a second")  # the number of iterations of a fit is not known beforehand
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), rate, TimeElapsedColumn())
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with RichProgress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(what, total=None)
 
         def report(step: str, iteration: int, size: float) -> None:
             detail = f", iteration {iteration}, residuals {size:.3g} times the noise" if iteration else ""
-            bar.update(task, description=f"{what}: {step}{detail}", advance=1 if iteration else 0)
+            bar.update(task, description=f"{what}: {step}{detail}")
 
         yield report

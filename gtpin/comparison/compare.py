@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -13,7 +12,7 @@ from gtpin.calibration.calibrate import calibrate_geometry, without_sigmas
 from gtpin.comparison.result import Comparison, Held
 from gtpin.data import Dataset, random
 from gtpin.data.duplicates import counted_once
-from gtpin.errors import DatasetError, GtpinWarning, ModelError, UnreachableError, check_kind, warn
+from gtpin.errors import DatasetError, ModelError, UnreachableError, check_kind, noted, unheard, warn
 from gtpin.kinematics.poses import Poses
 from gtpin.model.measured_robot import robot_of
 from gtpin.paper.models import MEASURED, MODELS, model_geometry
@@ -83,33 +82,33 @@ def compare(
     if len(data) < 2 * HALVES:
         raise DatasetError(f"{len(data)} poses lie within the measured tracks", file=data.file, hint="add some")
     held = []
-    for number in MODELS:
-        if number in MEASURED and data.carts is None:
-            continue
-        poses = Poses.unknown(len(data))
-        with _warned_once(number):
-            for half, rows in enumerate(random(data, HALVES, seed)):
-                if progress is not None:
-                    progress(f"model {number}, half {half + 1}", 0, float("nan"))
-                fitted = without_sigmas(data.take(~rows))
-                geometry = model_geometry(number, robot, fitted, orientations=orientations)
-                found = calibrate_geometry(fitted, geometry, lacking=True).model.predict(data.q[rows])
-                poses.T[rows], poses.R[rows] = found.T, found.R
-        if not poses.reached.all():
-            lost = data.pose[~poses.reached][0]
-            raise UnreachableError(f"model {number} can't reach pose {lost}", file=data.file, hint="leave it out")
-        held.append(Held.of(number, data, poses))
-    return Comparison(tuple(held), seed, dataset)
+    with noted() as texts:
+        for number in MODELS:
+            if number in MEASURED and data.carts is None:
+                continue
+            poses = Poses.unknown(len(data))
+            with _warned_once(number):
+                for half, rows in enumerate(random(data, HALVES, seed)):
+                    if progress is not None:
+                        progress(f"model {number}, half {half + 1}", 0, float("nan"))
+                    fitted = without_sigmas(data.take(~rows))
+                    geometry = model_geometry(number, robot, fitted, orientations=orientations)
+                    found = calibrate_geometry(fitted, geometry, lacking=True).model.predict(data.q[rows])
+                    poses.T[rows], poses.R[rows] = found.T, found.R
+            if not poses.reached.all():
+                lost = data.pose[~poses.reached][0]
+                raise UnreachableError(f"model {number} can't reach pose {lost}", file=data.file, hint="leave it out")
+            held.append(Held.of(number, data, poses))
+    return Comparison(tuple(held), seed, dataset, dataset.told(texts))
 
 
 @contextmanager
 def _warned_once(number: int) -> Iterator[None]:
     """Give each warning of a model's fits once, with the model's number: models reject different rows."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", GtpinWarning)
+    with unheard(), noted() as texts:
         yield
-    for text, category in dict.fromkeys((str(w.message), w.category) for w in caught):
-        warn(f"model {number}: {text}", category)
+    for text in dict.fromkeys(texts):
+        warn(f"model {number}: {text}")
 
 
 def within_tracks(robot: Chain, dataset: Dataset) -> npt.NDArray[np.bool_]:

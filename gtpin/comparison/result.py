@@ -97,11 +97,14 @@ class Comparison(Shown):
         Seed of the division into halves and of the bootstrap.
     dataset
         The data.
+    warnings
+        Texts of all warnings, also of those when the dataset was read.
     """
 
     held: tuple[Held, ...]
     seed: int
     dataset: Dataset
+    warnings: tuple[str, ...] = ()
 
     def table(self) -> pd.DataFrame:
         """``model, mean_um, max_um, rms_um, orientation_rms_mrad, poses``, one row per model."""
@@ -128,7 +131,7 @@ class Comparison(Shown):
             }
             for held, interval in zip(self.held, self.intervals(), strict=True)
         ]
-        return {"schema": "gtpin-compare/1", "seed": self.seed, "models": rows}
+        return {"schema": "gtpin-compare/1", "seed": self.seed, "models": rows, "warnings": list(self.warnings)}
 
     def save(self, folder: Path | str, *, force: bool = False) -> None:
         """Write what ``gtpin compare`` writes: ``compare.csv``, ``compare.json``, ``report.html`` and a plot.

@@ -569,7 +569,7 @@ class Diagnosis(Findings, Shown):
         DatasetError
             If there is no such column or component.
         """
-        figure: Figure = present(self).residuals(against, component, after=after)
+        figure: Figure = present(self).against(against, component, after=after)
         return figure
 
     def plot_effect(self, cause: int = 0, quantity: str | None = None) -> Figure:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -94,10 +95,11 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
             moved = J @ row.motion * row.correction
             found.append(Departure(name, row.site, what, *numbers, moved, row.name == "a" and row.nominal < 0.0))
     if not table:
-        for name, unit, way, value, sigma in with_zeros(geometry, covariance):
-            what, _, rest = name.partition("[")
+        for one in with_zeros(geometry, covariance):
+            what, _, rest = one.name.partition("[")
             if what.partition(".")[0] != "platform" or not target:
-                found.append(Departure(name, rest.partition("]")[0], what, value, sigma, unit, True, J @ way * value))
+                numbers, moved = (one.value, one.sigma, one.unit, True), J @ one.way * one.value
+                found.append(Departure(one.name, rest.partition("]")[0], what, *numbers, moved))
     return tuple(sorted(found, key=lambda one: -one.position_rms))
 
 
@@ -111,7 +113,19 @@ def _without_rigid_motion(J: Floats, T: Floats) -> Floats:
     return np.asarray(flat - rigid @ np.linalg.lstsq(rigid, flat, rcond=None)[0]).reshape(J.shape)
 
 
-def with_zeros(geometry: Geometry, covariance: Floats) -> list[tuple[str, str, Floats, float, float]]:
+class ParameterOrZero(NamedTuple):
+    """A parameter, or the zero of a joint: name, unit, direction (p,) in the space of the parameters, deviation from nominal
+    and its standard deviation; ``beyond``: whether it is a zero that is off by more than the tolerances explain."""
+
+    name: str
+    unit: str
+    way: Floats
+    value: float
+    sigma: float
+    beyond: bool
+
+
+def with_zeros(geometry: Geometry, covariance: Floats) -> list[ParameterOrZero]:
     """Posterior of the parameters' deviations and of those joints' zeros that are off by more than the tolerances explain.
 
     A shifted zero moves all that the joint carries. A calibration, whose priors are manufacturing tolerances, divides it among
@@ -124,7 +138,7 @@ def with_zeros(geometry: Geometry, covariance: Floats) -> list[tuple[str, str, F
     The log evidence of a further zero with the direction v is larger by m^2 / (2 (g + ZERO^-2)) - log(1 + ZERO^2 g) / 2, with
     m = v' (b - H B S B' b) and g = v' (H - H B S B' H) v. The zero with the largest gain is added, until none exceeds `GAIN`.
 
-    ``covariance``: C, (p, p). Returns name, unit, direction (p,) in the space of the parameters, value and sigma of each.
+    ``covariance``: C, (p, p). A parameter that is the rotation of a driven joint about its own axis is returned as its zero.
     """
     size, left = _declared(geometry), _zeros(geometry)
     inverse = np.linalg.inv(covariance / np.outer(size, size))  # all in units of the declared tolerances
@@ -144,9 +158,19 @@ def with_zeros(geometry: Geometry, covariance: Floats) -> list[tuple[str, str, F
         chosen.append(left.pop(int(np.argmax(gains))))
         B = np.column_stack([B, ZERO * chosen[-1][2] / size])
     prior = np.append(size, np.full(len(chosen), ZERO))
-    value, sigma = prior * (S @ B.T @ b), prior * np.sqrt(np.diag(S))
-    rows = [(p.name, p.unit, way) for p, way in zip(geometry.parameters, np.eye(len(size)), strict=True)] + chosen
-    return [(*row, float(v), float(s)) for row, v, s in zip(rows, value, sigma, strict=True)]
+    mean, joint, every = prior * (S @ B.T @ b), np.outer(prior, prior) * S, np.eye(len(prior))
+    rows = {p.name: (p.unit, every[k, : len(size)], every[k]) for k, p in enumerate(geometry.parameters)}
+    rows |= {name: (unit, way, every[len(size) + k]) for k, (name, unit, way) in enumerate(chosen)}
+    beyond = {name for name, _, _ in chosen}
+    for name, unit, way in (*chosen, *left):
+        if np.count_nonzero(way) == 1:  # a joint's turn about its own axis is its zero: both together are one number
+            k = int(np.flatnonzero(way)[0])
+            parts = way[k] * rows.pop(geometry.parameters[k].name)[2]
+            rows[name] = (unit, way, parts + rows[name][2] if name in rows else parts)
+    return [
+        ParameterOrZero(name, unit, way, float(parts @ mean), float(np.sqrt(parts @ joint @ parts)), name in beyond)
+        for name, (unit, way, parts) in rows.items()
+    ]
 
 
 def _declared(geometry: Geometry) -> Floats:

@@ -44,8 +44,8 @@ class Presentation(ABC):
     def text(self) -> str:
         """The whole result as text."""
 
-    def terminal(self) -> RenderableType:
-        """What the result's command prints; by default the whole text."""
+    def terminal(self, folder: Path | None = None) -> RenderableType:
+        """What the result's command prints, by default the whole text; ``folder``: where the result is written."""
         return self.text().rstrip("\n")
 
     @abstractmethod

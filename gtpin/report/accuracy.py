@@ -93,6 +93,7 @@ class AccuracyPresentation(PagePresentation):
             numbers,
             sketch=drawing(found.model),
             steps=[Step(measure, "gtpin calibrate DATASET -o calibrated")] if found.model.covariance is None else [],
+            warnings=found.warnings,
         )
 
     @cached_property

@@ -18,7 +18,7 @@ from gtpin.report.calibration_text import cannot_judge, elsewhere, lost, scatter
 from gtpin.report.geometry import geometry_line, geometry_table
 from gtpin.report.page import Lead, Table
 from gtpin.report.provenance import provenance
-from gtpin.report.sections import FitPresentation, Reported
+from gtpin.report.sections import FitPresentation
 from gtpin.report.sections.parameters import parameter_table
 from gtpin.report.sketch import drawing
 from gtpin.report.steps import calibration_steps
@@ -30,15 +30,14 @@ if TYPE_CHECKING:
 
 CALIBRATION = ("calibration.json", "report.html", "report.txt", "model")
 """Names of the files of a calibration's folder."""
-UNKNOWN = "noise as the fit shows it: neither declared nor shown by repeated visits"
-"""What the noise is called where it was neither declared nor shown by repeated visits."""
+UNKNOWN = "residuals of the fit: the noise is not known"
+"""Name of the noise where it was neither declared nor shown by repeated visits."""
 
 
 @dataclass(frozen=True)
 class CalibrationPresentation(FitPresentation):
     """A calibration; its table is that of its parameters."""
 
-    calibration: Calibration
     files = CALIBRATION
 
     @property
@@ -49,7 +48,7 @@ class CalibrationPresentation(FitPresentation):
     @cached_property
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, and what to do."""
-        c, q = self.calibration, self.reported.dataset.q
+        c, q = self.calibration, self.dataset.q
         found = departures(c.model, q)
         tone, badge, headline, advice = _verdict(c)
         return Lead(
@@ -68,7 +67,7 @@ class CalibrationPresentation(FitPresentation):
     @property
     def origin(self) -> Table:
         """Versions and digests."""
-        return provenance(self.reported.dataset, self.calibration.model.robot)
+        return provenance(self.dataset, self.calibration.model.robot)
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter: ``value sigma low high unit nominal tolerance learned``, by its name."""
@@ -79,11 +78,6 @@ class CalibrationPresentation(FitPresentation):
         rows = [(e.value, e.sigma, *e.interval, e.unit, p.nominal, p.tolerance, share) for e, p, share in estimates]
         columns = ["value", "sigma", "low", "high", "unit", "nominal", "tolerance", "learned"]
         return pd.DataFrame(rows, columns=columns, index=pd.Index(c.names, name="parameter"))
-
-    @cached_property
-    def reported(self) -> Reported:
-        """What page and figures are made from."""
-        return Reported(self.calibration)
 
     def parameters(self) -> Figure:
         """The report's table of all parameters."""
@@ -99,7 +93,7 @@ class CalibrationPresentation(FitPresentation):
         return result
 
     def unseen(self) -> tuple[str, ...]:
-        """A sentence for each direction that the data hardly show."""
+        """A sentence for each direction that the data do not determine."""
         c, found = self.calibration, self.calibration.observability
         unseen = found.variance_reduction < UNSEEN
         return unseen_words(c.model.geometry, found.directions[:, unseen], found.variance_reduction[unseen], c.remedies)
@@ -115,7 +109,7 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
             "noise."
         )
         advice = [
-            "The sigmas are multiplied by this ratio. Effects can change the parameters by more: gtpin diagnose finds them."
+            "The sigmas are multiplied by this ratio. Effects can change the parameters by more: gtpin diagnose looks for them."
         ]
         return "warn", "not all explained", headline, advice
     for one in lost(c):
@@ -127,7 +121,7 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
         return "bad", "too few poses", headline, []
     if why := cannot_judge(c):
         headline = "Whether the geometry explains these data can't be judged: their noise is not known."
-        return "accent", "fit not judged", headline, [f"Declare the sigmas. Of chi-square: {why}."]
+        return "accent", "fit not judged", headline, [f"Declare the sigmas. Chi-square can't judge the fit: {why}."]
     if hidden := scatters(c):
         headline = "The residuals agree with the noise, of which the scatter between visits is a large part."
         return "accent", "fits within its scatter", headline, [hidden]

@@ -51,7 +51,9 @@ def elsewhere(c: Calibration) -> list[str]:
         return []
     poses = c.model.predict(c.dataset.q[c.used(c.dataset)]).T
     box = " x ".join(f"{size:.2g}" for size in np.ptp(poses, axis=0))
-    return [f"Left-out poses are within {box} m; in the rest of the workspace expect {length(expected)}."]
+    return [
+        f"The left-out poses are in a box of {box} m. In the rest of the workspace, expect an error of {length(expected)}."
+    ]
 
 
 def lost(c: Calibration) -> list[InstrumentFit]:
@@ -121,7 +123,7 @@ def scatters(c: Calibration) -> str:
 def cannot_judge(c: Calibration) -> str:
     """Why chi-square can't judge the fit of the geometry; empty if it can."""
     if c.dof < 1.0:
-        return "there are too few measurements to judge the fit"
+        return "there are too few measurements"
     if c.noise_known:
         return ""
     if not c.noise.estimated.all():
@@ -134,8 +136,8 @@ def cannot_judge(c: Calibration) -> str:
             "larger than the declared noise"
         )
     if np.isfinite(c.freedom):
-        return "the noise was taken from these residuals, and outliers have full weight here: this can't judge the fit"
-    return "1 by construction: the noise was taken from these residuals, so this can't judge the fit"
+        return "the noise was taken from these residuals, and outliers have full weight here"
+    return "the noise was taken from these residuals, so that chi-square is 1 by construction"
 
 
 def unseen_words(
@@ -179,8 +181,8 @@ def _sentence(geometry: Geometry, direction: Floats, sigma: float) -> str:
     if _is_growth(geometry, direction):
         return f"The scale of the machine is not determined: all its lengths can change in proportion ({listed}, ...), 1 sigma."
     if abs(direction[order[0]]) > ALONG:
-        return f"{named[0].replace(' by ', ' can be off by ')}, 1 sigma: these readings hardly determine it."
-    return f"Not determined separately: {listed}, ..., 1 sigma, changed together, hardly change these readings."
+        return f"{named[0].replace(' by ', ' can be off by ')}, 1 sigma: these readings do not determine it."
+    return f"Not determined separately: {listed}, ... (1 sigma): changed together, they hardly change these readings."
 
 
 def _amount(value: float, unit: str) -> str:

@@ -64,7 +64,7 @@ class ComparisonPresentation(PagePresentation):
             f"To identify model {best} from all poses:", f"gtpin calibrate DATASET -o calibrated --model {best}"
         )
         eyebrow = f"Models 1 to 5 of Dressler et al. 2010 · {len(c.held[0].position)} held-out poses"
-        return Lead(eyebrow, *_verdict(c), steps=[step])
+        return Lead(eyebrow, *_verdict(c), steps=[step], warnings=c.warnings)
 
     @cached_property
     def sections(self) -> Sequence[Section]:

@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.errors import GtpinError
-from gtpin.model.departures import departures
 from gtpin.model.model import Model
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
+from gtpin.report.calibration import UNKNOWN
 from gtpin.report.calibration_text import nominal_words
 from gtpin.report.diagnosis_json import diagnosis_json
 from gtpin.report.effect_curves import curve_drawing, drawn_curves
 from gtpin.report.figure import alone
-from gtpin.report.geometry import geometry_line, geometry_table
+from gtpin.report.geometry import departures_of, geometry_line, geometry_table
 from gtpin.report.next_experiment import FOLDER, write_experiments
 from gtpin.report.page import Lead, Table
-from gtpin.report.phrases import cause_rows, interval, named, parameter
+from gtpin.report.phrases import cause_rows, named, parameter_rows
 from gtpin.report.provenance import provenance
-from gtpin.report.sections import FitPresentation, Reported
+from gtpin.report.sections import FitPresentation
 from gtpin.report.sketch import drawing
 from gtpin.report.steps import steps
 from gtpin.report.verdict import gap_words, verdict
@@ -45,8 +45,13 @@ COLUMNS = ("effect", "site", "probability", "shrinkage", "parameter", "value", "
 class DiagnosisPresentation(FitPresentation):
     """A diagnosis; its table is that of its causes' parameters."""
 
-    diagnosis: Diagnosis
     files = DIAGNOSIS
+
+    @property
+    def diagnosis(self) -> Diagnosis:
+        """The diagnosis."""
+        assert isinstance(self.result, Diagnosis)
+        return self.result
 
     @property
     def title(self) -> str:
@@ -57,7 +62,7 @@ class DiagnosisPresentation(FitPresentation):
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, the causes, and what to do."""
         d = self.diagnosis
-        said, found = verdict(d), departures(d.model, d.dataset.q)
+        said, found = verdict(d), departures_of(d)
         # Without a gap, a free motion of a part explains nothing.
         shares = () if d.verdict == "none" else (d.where.site, [c.site for c in d.causes])
         head = ("cause", "probability", "parameters", "part of the gap")
@@ -75,7 +80,7 @@ class DiagnosisPresentation(FitPresentation):
     @property
     def origin(self) -> Table:
         """Versions, seed and digests."""
-        return provenance(self.reported.dataset, self.diagnosis.model.robot, self.diagnosis.seed)
+        return provenance(self.dataset, self.diagnosis.model.robot, self.diagnosis.seed)
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter of each cause."""
@@ -88,18 +93,13 @@ class DiagnosisPresentation(FitPresentation):
         ]
         return pd.DataFrame(rows, columns=list(COLUMNS))
 
-    @cached_property
-    def reported(self) -> Reported:
-        """What page and figures are made from."""
-        return Reported(self.diagnosis.baseline, self.diagnosis)
-
     def effect(self, number: int, name: str | None) -> Figure:
         """The curve of a cause with its interval."""
         causes = self.diagnosis.causes
         if not 0 <= number < len(causes):
             raise GtpinError(f"there is no cause {number}", hint=f"there are {len(causes)}, counted from 0")
         cause = causes[number]
-        found = self.reported.curves[cause.effect, cause.site]
+        found = self.curves[cause.effect, cause.site]
         chosen = drawn_curves(found) if name is None else [curve for curve in found if curve.name == name]
         if not chosen:
             known = ", ".join(dict.fromkeys(curve.name for curve in found))
@@ -110,13 +110,11 @@ class DiagnosisPresentation(FitPresentation):
 
     def parameters(self) -> Figure:
         """The causes' parameters."""
-        rows = []
-        for c in self.diagnosis.causes:
-            about = (self.diagnosis.effect(c.effect).title, site_words(c.site), chance(c.probability))
-            for name, e in c.parameters.items():
-                size = (*parameter(name, e.value, e.unit, e.sigma), *interval(name, e))
-                rows.append([*about, *size, percent(c.explained_fraction)])
-        head = ("cause", "at", "probability", "parameter", "value", "95 % from", "to", "takes away")
+        d, rows = self.diagnosis, []
+        for c in d.causes:
+            about = (d.effect(c.effect).title, site_words(c.site), chance(c.probability))
+            rows += [[*about, *size, percent(c.explained_fraction)] for size in parameter_rows(c)]
+        head = ("cause", "at", "probability", "parameter", "value", "95 % from", "to", "part of the gap")
         return Table(head, rows).figure("Parameters of the causes")
 
     @in_one_thread
@@ -159,7 +157,7 @@ def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
             (nominal_words(d.baseline), f"nominal geometry: {size.what}, RMS"),
             (size.before, f"calibrated geometry, at left-out {where}"),
             *([(size.after, "with the causes")] if d.causes else []),
-            (size.floor, "noise alone" if known else "left of the fit: the noise is not known"),
+            (size.floor, "noise alone" if known else UNKNOWN),
         ]
     if d.gap.explained_fraction is not None and d.gap.before > d.gap.floor:
         between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""

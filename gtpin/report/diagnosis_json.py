@@ -10,7 +10,7 @@ import numpy as np
 from gtpin.diagnosis.gap import BLOCK_POSES, PREDICTED_POSES
 from gtpin.diagnosis.result import Cause, Diagnosis, Gap, HealthCheck, Member
 from gtpin.effects.sites import joints
-from gtpin.model.departures import departures
+from gtpin.report.geometry import departures_of
 from gtpin.report.phrases import reason_words
 from gtpin.report.words import number_word
 
@@ -20,7 +20,7 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
     none, where, unexplained = d.verdict == "none", d.where, d.unexplained
     geometry = [
         _of(one, "value", "sigma", "unit", "position_rms") | {"parameter": one.name}
-        for one in (departures(d.model, d.dataset.q) if isinstance(d, Diagnosis) else ())
+        for one in (departures_of(d) if isinstance(d, Diagnosis) else ())
     ]
     regions = [{"box": np.asarray(box).tolist(), "share": share} for box, share in where.region]
     return {

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtpin.model.departures import Departure, size_of
+from gtpin.diagnosis.result import Diagnosis
+from gtpin.model.departures import Departure, departures, size_of
 from gtpin.report.page import Table
+from gtpin.report.phrases import SURE
 from gtpin.report.words import counted, length, quantity
 
 SHOWN = 5
@@ -18,8 +20,10 @@ is beyond 3 sigmas by chance in 13 % of machines, beyond 2 in 90 %."""
 SMALL = 0.02
 """Smallest displacement, over the largest, of a departure on a first screen."""
 MOST = 0.5
-"""Largest share of the squared displacement that all others may leave where one parameter is said to make it. Parameters can
+"""Largest share of the squared displacement that all others may leave where it is ascribed to one parameter. Parameters can
 compensate each other, so that one of them may displace the TCP by more than all together."""
+KEPT = 0.5
+"""Largest ratio of the largest determined departure with open causes to that without them, where they take it up. Assumed."""
 HEAD = ("parameter", "change from nominal", "at the TCP, RMS")
 WORDS = {
     "zero": "zero of {site}",
@@ -35,6 +39,17 @@ WORDS = {
 """Zeros, and parameters of Denavit and Hartenberg, in words, by name or quantity."""
 
 
+def departures_of(d: Diagnosis) -> tuple[Departure, ...]:
+    """The departures that a diagnosis found, with its causes. Where an open cause takes up the largest one (it moves the TCP as
+    a wrong zero does, for example), those of the geometry alone."""
+    found = departures(d.model, d.dataset.q)
+    if all(cause.probability >= SURE for cause in d.causes):
+        return found
+    alone = departures(d.baseline.model, d.dataset.q)
+    size, size_alone = (max((one.position_rms for one in clear(some)), default=0.0) for some in (found, alone))
+    return found if size > KEPT * size_alone else alone
+
+
 def departure_words(one: Departure) -> str:
     """A parameter in words, else its name."""
     if one.reversed:
@@ -45,9 +60,14 @@ def departure_words(one: Departure) -> str:
 def change_words(one: Departure) -> str:
     """The change of a parameter with its sigma; of the zero of a turning joint in degrees, of a link its length."""
     value, sigma, unit = -one.value if one.reversed else one.value, one.sigma, one.unit
-    if one.what == "zero" and unit == "rad":
+    return f"{'+' if value > 0.0 else ''}{(zero_size if one.what == 'zero' else quantity)(value, unit, sigma)}"
+
+
+def zero_size(value: float, unit: str, sigma: float) -> str:
+    """The zero of a joint with its sigma: of a turning joint in degrees."""
+    if unit == "rad":
         value, sigma, unit = float(np.rad2deg(value)), float(np.rad2deg(sigma)), "°"
-    return f"{'+' if value > 0.0 else ''}{quantity(value, unit, sigma)}"
+    return quantity(value, unit, sigma)
 
 
 def clear(found: Sequence[Departure]) -> list[Departure]:
@@ -76,15 +96,15 @@ def geometry_line(found: Sequence[Departure]) -> str:
     named, whole = clear(found), size_of(np.sum([one.displacement for one in found], axis=0))
     if not named:
         return (
-            f"Geometry: {counted(len(found), 'parameter')} differ from nominal and displace the TCP by {length(whole)}; "
-            "these data determine none of them by itself."
+            f"Geometry: {length(whole)} at the TCP by {counted(len(found), 'parameter')}; these data determine none of them "
+            "alone."
         )
     first = named[0]
-    what = f"{departure_words(first)}, {change_words(first)}, displaces the TCP by {length(first.position_rms)}"
+    what, size = f"{departure_words(first)}, {change_words(first)}", length(first.position_rms)
     left = size_of(np.sum([one.displacement for one in found if one is not first], axis=0)) if found[1:] else 0.0
     if left**2 < MOST * whole**2:
-        return f"Geometry: {what}."
-    return f"Geometry: many parameters displace the TCP by {length(whole)} together; the largest that is determined: {what}."
+        return f"Geometry: {what}: {size} at the TCP."
+    return f"Geometry: {length(whole)} at the TCP by many parameters; the largest that is determined: {what} ({size})."
 
 
 def all_departures(found: Sequence[Departure]) -> Table:

@@ -170,7 +170,6 @@ class Lead:
     - ``badge``, ``tone``: a short verdict, and the name of its colour; empty: none.
     - ``sketch``, ``caption``: a drawing of the machine as SVG, and the text below it.
     - ``content``: what follows the headline.
-    - ``hint``: a note that is not printed.
     - ``steps``: what to do now.
     - ``warnings``: all warnings about the data.
     """
@@ -184,7 +183,6 @@ class Lead:
     sketch: Markup | None = None
     caption: str = ""
     content: Sequence[Block] = ()
-    hint: str = ""
     steps: Sequence[Step] = ()
     warnings: Sequence[str] = ()
 
@@ -234,6 +232,14 @@ def in_terminal(content: Iterable[Block]) -> Iterator[RenderableType]:
                 yield block.striptags() if isinstance(block, Markup) else block
 
 
+def as_text(*parts: RenderableType) -> str:
+    """Sentences and tables as plain text, `WIDTH` wide."""
+    console = Console(highlight=False, markup=False, width=WIDTH, color_system=None)
+    with console.capture() as captured:
+        console.print(*parts, sep="\n")
+    return "\n".join(line.rstrip() for line in captured.get().splitlines()) + "\n"
+
+
 class PagePresentation(Presentation):
     """A result with a page, which its texts are made from too."""
 
@@ -267,28 +273,23 @@ class PagePresentation(Presentation):
 
     def text(self) -> str:
         """The page as plain text, `WIDTH` wide: its words and tables."""
-        console = Console(highlight=False, markup=False, width=WIDTH, color_system=None)
-        with console.capture() as captured:
-            console.print(self.lead.printed())
-            warned = Section("warnings", "Warnings", [Items(self.lead.warnings)])
-            for section in [*self.sections, *([warned] if self.lead.warnings else [])]:
-                if content := list(in_terminal(section.content)):
-                    console.print(f"\n{section.title.upper()}\n", *content, sep="\n")
-        return "\n".join(line.rstrip() for line in captured.get().splitlines()) + "\n"
+        parts: list[RenderableType] = [self.lead.printed()]
+        warned = Section("warnings", "Warnings", [Items(self.lead.warnings)])
+        for section in [*self.sections, *([warned] if self.lead.warnings else [])]:
+            if content := list(in_terminal(section.content)):
+                parts += [f"\n{section.title.upper()}\n", *content]
+        return as_text(*parts)
 
     def page(self) -> str:
         """The whole report as one self-contained HTML file."""
         return report(self.title, self.lead, self.sections, self.origin)
 
 
-def report(
-    title: str, lead: Lead, sections: Sequence[Section], provenance: Table | None = None, *, contents: bool = True
-) -> str:
+def report(title: str, lead: Lead, sections: Sequence[Section], provenance: Table | None = None) -> str:
     """A page of sections as one self-contained HTML file.
 
-    ``title``: title in the browser's tab. ``provenance``: versions, and digests of the data of the page. ``contents``:
-    whether the page begins with links to its sections. Text is escaped. No plot is drawn if a kind of them needs plotly and it
-    is not installed.
+    ``title``: title in the browser's tab. ``provenance``: versions, and digests of the data of the page. Text is escaped. No
+    plot is drawn if a kind of them needs plotly and it is not installed.
     """
     links = [(section.id, section.entry or section.title) for section in sections]
     links += [("provenance", "Provenance")] if provenance else []
@@ -304,7 +305,7 @@ def report(
         title=title,
         lead=lead,
         sections=sections,
-        contents=links if contents else (),
+        contents=links,
         embedded=lambda some: [by_plot[id(plot)] for plot in some] if library else [],
         drawn=library is not None or not plots,
         scripts=scripts,

@@ -23,19 +23,19 @@ of causes in a headline."""
 TURN = 2.0 * np.pi
 """One turn, rad."""
 OVERLAP = 0.03
-"""Difference between the sum of shares and their common share from which they are said to overlap."""
+"""Difference between the sum of shares and their common share from which they overlap."""
 REASONS = {
     "missing": "the covariate {covariate} is missing",
     "unusable": "the values of the covariate {covariate} can't be used: a warning says why",
     "constant": "the covariate {covariate} does not vary",
     "too_few_commands": "the commands of {site} are too few, or too close together",
     "one_sign": "the load does not change its sign",
-    "no_load": "the joint carries nothing about its own axis",
+    "no_load": "there is no load about the joint's own axis",
     "no_masses": "the URDF has no masses, and no payload or force on the tool was recorded",
     "single_joint": "the cart carries a single joint, and a rotation about it does not move the platform",
     "absorbed": "geometric calibration absorbs it",
     "unrecorded_payload": "the payload may have varied without being recorded",
-    "not_searched": "a check does not search for periods and steps: diagnose the poses of a calibration",
+    "not_searched": "a check does not search for periods and steps: diagnose as many poses as for a calibration",
     "uncertain": "the uncertainty of the earlier model and of the instrument's pose hides it",
     "other": "{words}",
 }
@@ -58,8 +58,8 @@ DOUBTS = {
         "Repeated visits to the same commands differ by more than the declared noise and the repeatability of the drives: "
         "something changes between the visits."
     ),
-    "scatter": "Repeated visits scatter by more than the instrument, and the columns that could explain it contradict each "
-    "other.",
+    "scatter": "Repeated visits scatter by more than the noise of the instrument, and the columns that could explain it "
+    "contradict each other.",
     "chi_square": "The differences from the earlier model exceed noise and its uncertainty, and no change explains them.",
 }
 """Sentences by reason. For other reasons there is a warning, a question or the headline."""
@@ -148,10 +148,13 @@ def parameter(name: str, value: float, unit: str, sigma: float | None = None) ->
     return words, quantity(value, unit, sigma)
 
 
-def interval(name: str, estimate: Estimate) -> tuple[str, str]:
-    """Ends of a parameter's 95 % interval as text."""
-    low, high = (parameter(name, end, estimate.unit)[1] for end in estimate.interval)
-    return (high, low) if _periodic(name, estimate.unit) else (low, high)
+def parameter_rows(cause: Cause) -> list[list[str]]:
+    """Rows of a table: the name of each parameter of a cause, its value, and the ends of its 95 % interval."""
+    rows = []
+    for name, e in cause.parameters.items():
+        ends = [parameter(name, end, e.unit)[1] for end in e.interval]
+        rows.append([*parameter(name, e.value, e.unit, e.sigma), *(ends[::-1] if _periodic(name, e.unit) else ends)])
+    return rows
 
 
 def _periodic(name: str, unit: str) -> bool:
@@ -166,7 +169,7 @@ def value(name: str, estimate: Estimate) -> str:
 def size_words(parameters: Mapping[str, Estimate], count: int = 1) -> str:
     """The first ``count`` parameters in short, as known: ``half width 24.9 µm``; of periods ``24 a turn, 0.41 mrad``.
 
-    In the place of a first one that may be zero stands the one that is known best.
+    If the first one may be zero, the one with the smallest relative sigma is given instead.
     """
     lines, turns = [], False
     for name, period in parameters.items():
@@ -191,7 +194,7 @@ def sized(found: Findings, one: Cause | Member, words: str) -> str:
 
 
 def explained_words(found: Findings, cause: Cause) -> str:
-    """The part of an error that goes away with a cause: its root mean square, of positions; else its share of the power.
+    """The part of an error that a cause explains: its root mean square, of positions; else its share of the power.
 
     With a share f of the power g^2 = before^2 - floor^2 beyond noise, the root mean square is g sqrt(f). Empty where the error
     does not exceed the noise.
@@ -205,7 +208,7 @@ def explained_words(found: Findings, cause: Cause) -> str:
 
 
 def explained_part(found: Findings, cause: Cause) -> str:
-    """The part of an error that goes away with a cause: ``38.1 µm, 49 %``, its size and its share of the power beyond noise."""
+    """The part of an error that a cause explains: ``38.1 µm, 49 %``, its size and its share of the power beyond noise."""
     sizes = dict.fromkeys((explained_words(found, cause), percent(cause.explained_fraction)))
     return ", ".join(sizes) if "" not in sizes else ""
 
@@ -279,6 +282,6 @@ def overlap(found: Findings) -> str:
     if whole is None or len(shares) < 2 or abs(sum(shares) - whole) < OVERLAP:
         return ""
     return (
-        "The shares of the causes overlap: each is what goes away with this cause, given the others; together it is "
+        "The shares of the causes overlap: each is what this cause explains in addition to the others. Together they explain "
         f"{percent(whole)}."
     )

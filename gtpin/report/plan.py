@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
 
+from gtpin.output.results import json_text
 from gtpin.output.shown import Presentation
 from gtpin.planning.plan import PosePlan, checked_first
-from gtpin.report.page import Table
+from gtpin.report.page import Table, as_text
 from gtpin.report.phrases import known_as
 from gtpin.report.residuals import columns_of
 from gtpin.report.words import counted, length, percent, quantity
@@ -26,33 +28,27 @@ class PosePlanPresentation(Presentation):
     """A plan; its table is that of its commands."""
 
     plan: PosePlan
+    files = ("commands.csv", "plan.json")
+
+    def write(self, folder: Path) -> dict[str, object]:
+        """Write the files of ``gtpin plan``; return the content of the JSON."""
+        self.plan.commands.write(folder / "commands.csv")
+        (folder / "plan.json").write_text(json_text(self.json()), encoding="utf-8")
+        return self.json()
 
     def short(self) -> str:
         """The purpose of the poses, and what they can show."""
-        return "\n".join([*self.words(), *(f"{name}: {size}" for name, size in self._smallest())])
+        shown = self._shown()
+        return "\n".join([*self.words(), *(": ".join(row[:2]) for row in (shown.rows if shown else ()))])
 
     def text(self) -> str:
-        """The sentences, and the numbers of all changes or effects that the poses can show."""
-        import pandas as pd
-
-        rows = [*map(asdict, self.plan.smallest), *map(asdict, self.plan.told)]
-        table = [pd.DataFrame(rows).to_string(index=False)] if rows else []
-        return "\n".join([*self.words(), *table]) + "\n"
-
-    def terminal(self) -> RenderableType:
         """The sentences, and the table of changes or effects that the poses can show."""
-        order = sorted(self.plan.told, key=lambda one: one.sigma / max(one.sigma_random, 1e-300))
-        rows = [
-            [f"{known_as(one.effect, one.site)}, {one.parameter.replace('_', ' ')}"]
-            + [quantity(sigma, one.unit) for sigma in (one.sigma, one.sigma_random)]
-            for one in order[:SHOWN]
-        ]
-        tables = {
-            "calibration": [],
-            "health": [Table(("change", "smallest"), self._smallest(), whole=True)],
-            "discrimination": [Table(("effect", "1 sigma", "of random poses"), rows, whole=True)],
-        }
-        return Group(*self.words(), *(table.printed() for table in tables[self.plan.purpose]))
+        return as_text(self.terminal())
+
+    def terminal(self, folder: Path | None = None) -> RenderableType:
+        """The sentences, and the table of changes or effects that the poses can show."""
+        shown = self._shown()
+        return Group(*self.words(), *([shown.printed()] if shown else []))
 
     def table(self) -> pd.DataFrame:
         """The commands, with the conditions to set."""
@@ -89,29 +85,34 @@ class PosePlanPresentation(Presentation):
         """The purpose of the poses, and what they can show."""
         plan, count = self.plan, len(self.plan.commands)
         if plan.purpose == "calibration" and (own := plan.information) is not None:
-            nats = f"{own.nats:.0f} nats on the geometry; as many at random: {own.nats_random:.0f}"
-            error = f"{length(own.error)}; at random: {length(own.error_random)}"
+            nats = f"{own.nats:.0f} nats (random poses: {own.nats_random:.0f})"
+            error = f"{length(own.error)} (random poses: {length(own.error_random)})"
             return [
-                f"{count} poses for a calibration: {nats}.",
+                f"{count} poses for a calibration. Information on the geometry: {nats}.",
                 f"Error of predicted positions after the calibration: {error}.",
             ]
         if plan.purpose == "discrimination":
             return [
                 f"{count} poses that distinguish {counted(len(plan.told), 'effect')} from each other and from no effect."
             ]
-        place = "where the instrument may stand anywhere" if plan.frame == "free" else "measured in the base frame"
+        place = "by an instrument that may stand anywhere" if plan.frame == "free" else "in the base frame"
         return [
-            f"{count} poses for a check, {place}: changes found in {percent(plan.power)} of checks, with false alarms in "
-            f"{percent(plan.false_alarm)}, are from the sizes in the table on."
+            f"{count} poses for a check, measured {place}. A change of the size in the table is detected in "
+            f"{percent(plan.power)} of checks; false alarms: {percent(plan.false_alarm)}."
         ]
 
-    def _smallest(self) -> list[list[str]]:
-        """The changes for which the plan chose its poses, each with the smallest size that is found."""
-        rows = []
-        for one in self.plan.smallest:
+    def _shown(self) -> Table | None:
+        """The changes or effects for which the plan chose its poses, each with its smallest size or its sigma."""
+        plan, rows = self.plan, list[list[str]]()
+        if plan.purpose == "discrimination":
+            for told in sorted(plan.told, key=lambda one: one.sigma / max(one.sigma_random, 1e-300))[:SHOWN]:
+                name = f"{known_as(told.effect, told.site)}, {told.parameter.replace('_', ' ')}"
+                rows.append([name, *(quantity(sigma, told.unit) for sigma in (told.sigma, told.sigma_random))])
+            return Table(("effect", "1 sigma", "of random poses"), rows, whole=True)
+        for one in plan.smallest:
             if one.effect in checked_first():
-                size = "none is found"
+                size = "not detected"
                 if one.value is not None:
                     size = f"{one.parameter.replace('_', ' ')} {quantity(one.value, one.unit)}"
                 rows.append([known_as(one.effect, one.site), size])
-        return rows
+        return Table(("change", "smallest"), rows, whole=True) if rows else None

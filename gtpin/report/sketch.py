@@ -73,7 +73,7 @@ def sketch(
 
     ``site_share``: :attr:`~gtpin.diagnosis.result.Where.site`, in which the parts (carts, joints, links, all links,
     platform, instrument) are coloured, relative to the largest; empty where there is no gap. They are shares of log evidence,
-    which are no shares of the gap: no number stands in the picture. ``causes``: sites of the causes, which are marked by
+    which are not shares of the gap, so that the picture has no numbers. ``causes``: sites of the causes, which are marked by
     rings, links by a wide edge. ``places``: instruments that are drawn under the machine.
     """
     places = places or InstrumentPlaces()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from gtpin.calibration.result import Calibration
 from gtpin.compensation.correctable import correctable
-from gtpin.diagnosis.result import Diagnosis
+from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.model.dh import chain_of
 from gtpin.model.model import Model
 from gtpin.report.calibration_text import lost
@@ -47,6 +49,17 @@ def calibration_steps(c: Calibration) -> list[Step]:
         return [MEASURE]
     cause = Step("The causes of the errors that are left:", "gtpin diagnose DATASET -o diagnosis")
     return [*([] if c.explained else [cause]), *geometry_steps(c.model, c.explained)]
+
+
+def check_steps(check: HealthCheck) -> list[Step]:
+    """What to do after a check against an earlier model."""
+    if check.verdict == "none":
+        return [Step("Use the earlier model further.")]
+    found = Step("A program, corrected for the changes too:", PROGRAM)
+    again = (
+        "Calibrate again: measure many poses, and diagnose them. This also distinguishes the changes. Poses to choose:"
+    )
+    return [*([found] if check.causes and check.verdict == "explained" else []), replace(MEASURE, words=again)]
 
 
 def geometry_steps(model: Model, explained: bool) -> list[Step]:

@@ -9,7 +9,7 @@ from operator import attrgetter
 import numpy as np
 
 from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS
-from gtpin.diagnosis.result import Cause, Considered, Correlate, Diagnosis, Gap, InstrumentGap
+from gtpin.diagnosis.result import Cause, Considered, Correlate, Diagnosis, Findings, Gap, InstrumentGap
 from gtpin.diagnosis.trials import kind
 from gtpin.report.calibration_text import overruled, scatters
 from gtpin.report.page import Lead
@@ -67,14 +67,16 @@ def also(d: Diagnosis) -> list[str]:
     return [f"Small and undecided, without influence on the verdict: {small}."] if small else []
 
 
-def untested(d: Diagnosis) -> str:
+def untested(found: Findings) -> str:
     """A sentence on effects that could not be tested; empty where there is none."""
-    count = sum(not c.testable for c in d.candidates)
+    if not (lacking := [c for c in found.candidates if not c.testable]):
+        return ""
+    missing = (c.reason.covariate for c in lacking if c.reason and c.reason.kind == "missing")
+    names = ", ".join(dict.fromkeys(name.rstrip("0123456789") for name in missing))  # approach1, approach2: approach
     return (
-        f"{count} of {len(d.candidates)} candidates can't be tested with these data{missing_columns(d)}: a cause among them "
-        "is not detected. The section on what could not be tested has the reasons."
-        if count
-        else ""
+        f"{len(lacking)} of {len(found.candidates)} candidates can't be tested with these data"
+        f"{f' (not recorded: {names})' if names else ''}: a cause among them is not detected. The section on what could not be "
+        "tested has the reasons."
     )
 
 
@@ -86,36 +88,26 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
         ], []
     if hidden := may_hide(d):
         headline = (
-            "No cause is detected beyond noise. But much of this noise is scatter between visits, and its possible causes "
-            "could not be tested."
+            "No cause is detected. Much of the noise is scatter between visits, whose causes could not be tested."
         )
         return [headline], [scatters(d.baseline), *hidden]
     if not supposed and d.gap.before > PRIORS.silent * d.gap.floor:
-        use = (
-            "The residuals of the fit are noise: these poses are too few to determine the geometry. Measure more poses."
-        )
+        use = "The residuals of the fit are noise, but these poses are too few to determine the geometry. Measure more poses."
     elif d.baseline.unobservable and not any(one.kind == "tracker" for one in fits):
         read, noise = joined([one.name for one in fits]), ", if this is noise" if supposed else ""
         use = (
-            f"For what {read} can read, the calibrated geometry is all that is needed{noise}. Positions can still be wrong: "
-            "gtpin calibrate lists what these data can't see."
+            f"The calibrated geometry explains the readings of {read}{noise}. Positions can still be wrong: gtpin calibrate "
+            "lists what these data do not determine."
         )
     elif supposed:
         use = (
-            "If this is the noise of the instrument and of the machine, the calibrated geometry is all that is needed."
+            "If this is the noise of the instrument and of the machine, no compensation beside the geometry is needed."
         )
     else:
-        use = "The calibrated geometry is all that is needed: no other compensation."
+        use = "The calibrated geometry is enough: no other compensation is needed."
     if supposed:
-        return [f"No cause beside the geometry; the {size.after} that it leaves can be noise."], [use, *assumed(d)]
+        return [f"No cause beside the geometry: the {size.after} that it leaves can be noise."], [use, *assumed(d)]
     return ["No cause beside the geometry: only noise is left."], [use]
-
-
-def missing_columns(d: Diagnosis) -> str:
-    """The columns without which candidates can't be tested, in parentheses."""
-    missing = (c.reason.covariate for c in d.candidates if not c.testable and c.reason and c.reason.kind == "missing")
-    names = ", ".join(dict.fromkeys(name.rstrip("0123456789") for name in missing))  # approach1, approach2: approach
-    return f" (not recorded: {names})" if names else ""
 
 
 def assumed(d: Diagnosis) -> list[str]:
@@ -140,7 +132,7 @@ def _explained(d: Diagnosis) -> tuple[list[str], list[str]]:
 def _ambiguous(d: Diagnosis) -> tuple[list[str], list[str]]:
     sure, _ = sure_and_doubtful(d.causes)
     lacking = not_recorded(d) or [
-        "These data can't decide what is open: at these poses the model predicts the same either way."
+        "These data can't decide between the members of a class: at these poses, the model predicts the same with each."
     ]
     return cause_lines(d), [*_remedies(d, sure), *on_the_gap(d), *lacking]
 
@@ -158,48 +150,49 @@ def questions(d: Diagnosis) -> list[str]:
 
 
 def _moves(near: Sequence[Correlate], s: str) -> str:
-    """What an unknown error moves, and with what: each of some that are about equally probable; ``s`` ends the verbs."""
-    found: dict[str, list[str]] = {}
+    """What an unknown error displaces, and on what it depends, of each of some that are about equally probable; ``s`` ends the
+    verbs."""
+    over: dict[tuple[str, str], list[str]] = {}
     for one in near:
-        act = f"move{s} {site_words(one.site)}"
+        verb, what = "displace", site_words(one.site)
         if one.site == "frame":
-            scale = f"change{s} the scale of the instrument or the whole machine"
-            act = scale if one.motion == "stretch" else f"move{s} the instrument or the machine's base"
-        found.setdefault(act, []).append(coordinate_words(one.coordinates))
-    return ", or ".join(f"{act} with {' or '.join(over)}" for act, over in found.items())
+            what = "the instrument or the machine's base"
+            if one.motion == "stretch":
+                verb, what = "change", "the scale of the instrument or the whole machine"
+        over.setdefault((verb, what), []).append(coordinate_words(one.coordinates))
+    alike: dict[tuple[str, str], list[str]] = {}
+    for (verb, what), coordinates in over.items():
+        alike.setdefault((verb, " or ".join(coordinates)), []).append(what)
+    return ", or ".join(f"{verb}{s} {' or '.join(every)} depending on {them}" for (verb, them), every in alike.items())
 
 
 def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
     open_, left = bool(d.unexplained.could_be), _of_each(d.gap, _left)
     what = "an effect that these data can't identify" if open_ else "an effect that is not in the catalogue"
     if any(doubt.reason == "excess" for doubt in d.doubts):
-        headline = f"Scatter of {left} that these data can't separate from noise."
-        look = "Differences between repeated visits to a pose are noise; an error repeats. Visit poses again."
+        headline = f"Scatter of {left}: these data don't show whether it is noise."
+        look = "Visit poses again: noise differs between the visits to a pose, and an error repeats."
     elif part := [doubt.site for doubt in d.doubts if doubt.reason == "part"]:
         headline = f"Unknown, {left}: {what} in the readings of {part[0]}."
-        look = "Its errors exceed the noise. Inspect this part of the instrument, and what only this part sees of the machine."
+        look = "Its errors exceed the noise. Inspect this part of the instrument, and what it alone measures of the machine."
     elif d.unexplained.correlates:
         near = [one for one in d.unexplained.correlates if one.odds >= CLASS_SHARE][:PLACES]
         headline = f"Unknown, {left}: {what} {_moves(near, 's')}."
-        look = (
-            f"Look for what could {_moves(near, '')}; the plots show how. Don't compensate it by the name of an effect."
-        )
+        look = f"Look for what could {_moves(near, '')}; the plots show how. Don't compensate it as one of the known effects."
     else:
         headline = f"Unknown, {left}: {what}."
         look = (
-            "It correlates with no single recorded coordinate; the maps show where it is. Don't compensate it by the name of "
-            "an effect."
+            "It correlates with no single recorded coordinate; the maps show where it is. Don't compensate it as one of the "
+            "known effects."
         )
-    moved = "What is unknown can change the parameters of the geometry by more than their sigmas."
+    moved = "The unknown error can change the parameters of the geometry by more than their sigmas."
     advice = [look, *doubt_words(d.doubts), *could_be(d), moved]
     lines = cause_lines(d, most=1)
     if lines:
         headline = f"Also {headline[:1].lower()}{headline[1:]}"
         advice += [*_remedies(d, sure_and_doubtful(d.causes)[0]), *on_the_gap(d)]
     else:
-        advice.append(
-            "The corrected model is the calibrated geometry alone: no known effect is probable enough to be in it."
-        )
+        advice.append("The corrected model has the calibrated geometry alone: no known effect is probable enough.")
     return [*lines, headline], advice
 
 
@@ -256,10 +249,10 @@ def _left(one: Gap | InstrumentGap) -> float:
 
 
 def beyond_noise(gap: Gap) -> str:
-    """What goes away with the causes, in lengths, where the gap beyond noise is smaller than noise; empty otherwise.
+    """What the causes explain, in lengths, where the gap beyond noise is smaller than noise; else empty.
 
     A fraction of such a gap says little. The gap beyond noise is g = sqrt(before^2 - floor^2); with a fraction f of its power
-    explained, g (1 - sqrt(1 - f)) of it goes away.
+    explained, the causes explain g (1 - sqrt(1 - f)) of it.
     """
     power = gap.before**2 - gap.floor**2
     if gap.by_instrument or gap.interval is None or not 0.0 < power < gap.floor**2:

@@ -18,6 +18,8 @@ COORDINATES = {
     "payload": "the payload",
     "load": "the load",
     "force": "the force at the TCP",
+    "approach": "the direction of approach",
+    "speed": "the speed",
     "direction": "the link's direction",
     "position": "the TCP's position",
     "temp_frame": "the frame's temperature",

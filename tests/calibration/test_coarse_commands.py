@@ -19,7 +19,9 @@ def test_truncated_commands_are_named_as_multiples_of_their_step():
         gtpin.calibrate(replace(data, q=np.trunc(data.q / 0.01) * 0.01))
 
 
-@pytest.mark.filterwarnings("ignore:parameters more than", "ignore:set aside as gross errors")
+@pytest.mark.filterwarnings(
+    "ignore:parameters more than", "ignore:off by more than", "ignore:set aside as gross errors"
+)
 @pytest.mark.parametrize("robot", ["gantry_tau", "stewart"])
 @pytest.mark.parametrize("step", [0.01, 0.001])
 def test_a_calibration_by_rounded_commands_warns_of_their_step(robot, step):

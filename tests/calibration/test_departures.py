@@ -11,10 +11,11 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.data import InstrumentSection
 from gtpin.model.departures import departures, size_of
-from gtpin.report.geometry import change_words, departure_words
+from gtpin.report.geometry import change_words, departure_words, departures_of
 
 FIVE_BAR = str(Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf")
-pytestmark = pytest.mark.filterwarnings("ignore:parameters more than", "ignore:the nominal model is not")  # as is meant
+FIELD = str(Path(__file__).parents[2] / "examples" / "field" / "five_bar" / "five_bar.urdf")
+pytestmark = pytest.mark.filterwarnings("ignore:off by more than", "ignore:the nominal model is not")  # as is meant
 TURNED = np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
 NOISE = 2e-5
 
@@ -46,6 +47,39 @@ def test_a_zero_that_is_off_comes_first_with_the_displacement_that_it_makes(robo
     assert abs(first.value - off) < 4.0 * first.sigma
     # In the same proportion to the whole as its value to the true one.
     assert first.position_rms == pytest.approx(size_of(moved) * abs(first.value / off), rel=0.01)
+
+
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+@pytest.mark.parametrize(("robot", "joint"), [("ur10", 2), (FIVE_BAR, 0), (FIELD, 0)])
+def test_warnings_and_the_json_name_the_zero_and_not_the_parameters_that_imitate_it(robot, joint) -> None:
+    """A shift of the elbow's placement and a zero of the drive move the TCP alike, to the first order."""
+    off = np.deg2rad(1.0)
+    _, _, calibration = seen(robot, joint, off)
+    site = gtpin.load_robot(robot).sites[joint]
+    texts = [text for text in calibration.warnings if "tolerances" in text]
+    assert texts
+    assert all(f"zero of {site} +" in text and " deg" in text and "placement" not in text for text in texts)
+    zero = next(one for one in calibration.to_json()["equivalent_zeros"] if one["site"] == site)
+    assert abs(zero["value"] - off) < 4.0 * zero["sigma"]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+def test_a_first_screen_names_the_zero_whatever_cause_is_open() -> None:
+    """A joint's axis that moves as the joint turns can take up most of a wrong zero of the drive."""
+    machine, rng = gtpin.load_robot(FIVE_BAR), np.random.default_rng(1)
+    nominal, off = gtpin.Geometry.nominal(machine), np.deg2rad([0.0, 1.0])
+    q = machine.home_q + rng.uniform(-0.3, 0.3, (60, 2))
+    spread = nominal.tolerance * np.random.default_rng(7).standard_normal(len(nominal.values))
+    T = gtpin.Model(nominal.with_values(nominal.values + spread)).predict(q + off).T + NOISE * rng.standard_normal(
+        (60, 3)
+    )
+    section = InstrumentSection(position_sigma=NOISE)
+    found = gtpin.diagnose(gtpin.Dataset(FIVE_BAR, [str(i) for i in range(60)], q, T, instrument=section))
+    first = departures_of(found)[0]
+    assert first.name == "zero[drive_right]"
+    assert abs(first.value - off[1]) < 4.0 * first.sigma
+    assert first.position_rms > 0.5 * found.baseline.by_instrument[0].before
 
 
 def test_where_the_instrument_stood_anywhere_a_displacement_is_without_what_its_place_absorbs() -> None:

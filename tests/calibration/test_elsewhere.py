@@ -18,7 +18,9 @@ def along_a_line(rng, count=60):
 
 def told(calibration):
     """The error that is told for the rest of the workspace, m; None where none is."""
-    found = re.search(r"rest of the workspace expect ([\d.]+)\s(mm|µm)", calibration.summary())
+    found = re.search(
+        r"rest\s+of\s+the\s+workspace,\s+expect\s+an\s+error\s+of\s+([\d.]+)\s(mm|µm)", calibration.summary()
+    )
     return None if found is None else float(found[1]) * {"mm": 1e-3, "µm": 1e-6}[found[2]]
 
 

@@ -30,7 +30,7 @@ def test_noise_that_is_not_declared_is_found_where_the_nominal_model_is_far_off(
     assert abs(np.log(found.noise.position_sigma / true)) < 0.35  # 60 poses, some 40 parameters
 
 
-@pytest.mark.filterwarnings("ignore:parameters more than")
+@pytest.mark.filterwarnings("ignore:parameters more than", "ignore:off by more than")
 def test_how_far_the_nominal_model_is_off_is_said():
     made = draw(311, (60,), least=8.0, declared=False)
     with pytest.warns(gtpin.GtpinWarning, match="off by .* times their tolerances; tolerances are widened"):

@@ -193,7 +193,7 @@ def test_one_reading_is_not_said_to_contradict_its_sigma(tmp_path):
     try:
         found, said = warned(tmp_path, rows(WIRE, [0]))
         assert found.observability.variance_reduction.max() < 0.5
-        assert "too few measurements to judge" in found.summary()
+        assert "there are too few measurements" in found.summary()
     except GtpinError as error:
         said = str(error)
     assert "noise" not in said

@@ -17,7 +17,9 @@ from gtpin.errors import DatasetError, GtpinWarning
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 
-pytestmark = pytest.mark.filterwarnings("ignore:commands a little outside", "ignore:parameters more than")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:commands a little outside", "ignore:parameters more than", "ignore:off by more than"
+)
 
 ROBOTS = ("gantry_tau", "tau", "gantry_tau_6dof", "stewart", "linear_delta", "stewart_jugglebot")
 

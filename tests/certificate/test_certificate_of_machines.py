@@ -99,7 +99,7 @@ def test_a_free_frame_takes_away_what_moves_all_poses_alike():
     at = at_commands(model, certificate.budget.q, {})
     alone = float(np.sqrt(np.trace(base.poses(at)[:, :3, :3], axis1=1, axis2=2).mean()))
     rows = {row.source: row for row in certificate.budget.rows}
-    assert rows["geometry"].position < 0.5 * alone
+    assert rows["model"].position < 0.5 * alone
     assert rows["frame"].position > 0.0
 
 
@@ -140,8 +140,8 @@ def test_shares_add_up_and_a_stated_error_of_the_instrument_is_part_of_the_sum()
     assert rows["instrument"].missing == "not_stated"
     sizes = [direction.position for direction in plain.directions]
     assert sizes == sorted(sizes, reverse=True)
-    assert np.sum(np.square(sizes)) <= rows["geometry"].position ** 2 * (1.0 + 1e-9)
-    assert np.sum(np.square(sizes)) >= 0.3 * rows["geometry"].position ** 2
+    assert np.sum(np.square(sizes)) <= rows["model"].position ** 2 * (1.0 + 1e-9)
+    assert np.sum(np.square(sizes)) >= 0.3 * rows["model"].position ** 2
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,7 +54,7 @@ def test_the_page_and_the_json_have_each_number_with_its_definition_or_why_it_is
     assert told["basis"] == "fitted"
     page = (certified / "certificate.html").read_text()
     assert "@media print" in page
-    assert "What the data do not suffice for" in page
+    assert "What is blank" in page
     assert not re.search(r"\bnan\b|\bNone\b|\{have\}", page)
     assert {number["symbol"] for number in told["quantities"]} == set(DEFINITIONS)
 
@@ -84,9 +85,36 @@ def test_positions_of_an_arm_with_a_target_anywhere_are_certified_as_far_as_they
     assert found["B_mean[elbow_joint]"].missing == "too_many_drives"
     assert "rx" not in found.to_json()["budget"]["expanded"]
     rows = {row.source: row for row in found.budget.rows}
-    assert 0.0 < rows["geometry"].position < 1e-4
+    assert 0.0 < rows["model"].position < 1e-4
     assert found.to_dataframe().shape[0] == len(found.quantities)
     assert "Certificate of ur5" in repr(found)
+
+
+def test_what_is_blank_says_whether_the_user_has_to_fill_it_in_or_to_measure_it(certified):
+    told = json.loads((certified / "certificate.json").read_text())
+    rows = {row["source"]: row for row in told["budget"]["contributions"]}
+    assert set(rows) == {"model", "repeatability", "unexplained", "instrument"}  # measured in the base frame
+    assert sum(row["share"] or 0.0 for row in rows.values()) == pytest.approx(1.0)
+    assert all((row["share"] or 0.0) >= 0.0 for row in rows.values())
+    assert rows["instrument"]["state"]
+    assert not rows["model"]["state"]
+    page = (certified / "certificate.html").read_text()
+    blank = page[page.index('id="blank"') :]
+    fill_in, measure = (blank.index(words) for words in ("For you to fill in", "To be measured"))
+    assert fill_in < blank.index("--instrument-uncertainty") < measure < blank.index("30 times")
+    assert "For you to fill in" in page[: page.index("<nav")]
+
+
+def test_data_that_support_no_number_are_refused(run, folder, tmp_path):
+    """One visit of each pose, to which the model was fitted, with a target anywhere: nothing was tested."""
+    arm = gtpin.Dataset.read(folder / "arm")
+    once = arm.take(np.sort(np.unique(arm.pose, return_index=True)[1]))
+    once = replace(once, covariates={})
+    once.write(tmp_path / "once")
+    gtpin.calibrate(once).save(tmp_path / "model")
+    said = run("certify", tmp_path / "once", "--model", tmp_path / "model", "-o", tmp_path / "o").failed()
+    assert "support no number of a certificate" in said
+    assert not (tmp_path / "o").exists()
 
 
 def test_readings_without_positions_are_one_line(run, tmp_path):

@@ -64,7 +64,7 @@ def test_scatter_beyond_the_declared_noise_is_unknown_and_visits_are_proposed():
     assert found.gap.inferred > 2.0 * found.gap.floor
     assert any("of the measured poses twice more each" in e.measure for e in found.next_experiment)
     assert found.to_json()["gap"]["noise_inferred"] == found.gap.inferred
-    assert "can't separate from noise" in " ".join(str(found.summary()).split())
+    assert "don't show whether it is noise" in " ".join(str(found.summary()).split())
 
 
 def test_scatter_that_repeats_at_each_pose_is_no_noise():

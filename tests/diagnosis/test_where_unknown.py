@@ -27,4 +27,4 @@ def test_a_scale_that_wanders_over_time_is_told_as_a_scale_over_time(seed: int) 
     best = found.unexplained.correlates[0]
     assert best.p_value == 0.0
     assert (best.site, best.coordinates) == ("frame", "time")
-    assert "the scale of the instrument or the whole machine with time" in verdict(found).headline
+    assert "the scale of the instrument or the whole machine depending on time" in verdict(found).headline

@@ -7,7 +7,7 @@ from checked_machines import later, machine
 
 import gtpin
 from gtpin.extras.history.page import history
-from gtpin.report.health import advice
+from gtpin.output.shown import present
 from gtpin.report.words import length
 
 pytestmark = [
@@ -40,7 +40,7 @@ def test_each_check_is_one_more_line_and_stands_on_the_page(tmp_path, checks):
     page = (tmp_path / "log" / "history.html").read_text()
     assert "zero shift at cart2" in page
     for check in checks:  # one number for the noise: in the check's words and in the history
-        assert f": {length(check.gap.floor)}." in advice(check)[0]
+        assert length(check.gap.floor) in present(check).short()
         assert length(check.gap.floor) in page
     assert "2 checks, 1 of them with a change" in page
 

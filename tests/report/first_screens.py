@@ -24,8 +24,7 @@ from gtpin.bench.simulator.case import simulate_scenario
 from gtpin.commands.terminal import rendered
 from gtpin.data import Dataset
 from gtpin.diagnosis.result import Diagnosis, HealthCheck, Member, Undecided
-from gtpin.report.diagnosis import DiagnosisPresentation
-from gtpin.report.health import HealthCheckPresentation, health_page
+from gtpin.output.shown import present
 
 FOLDER = Path(__file__).with_suffix("")
 FIVE_BAR = Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf"
@@ -118,10 +117,7 @@ def first_screens(name: str) -> str:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         found = CASES[name]()
-    if isinstance(found, HealthCheck):
-        terminal, page = rendered(HealthCheckPresentation(found).terminal()), health_page(found)
-    else:
-        terminal, page = rendered(DiagnosisPresentation(found).terminal()), DiagnosisPresentation(found).page()
+    terminal, page = rendered(present(found).terminal()), present(found).page()
     screen = page[page.index("<main") : page.index("<nav")]
     screen = re.sub(r"<(svg|script|style).*?</\1>", "", screen, flags=re.DOTALL).replace("\n", " ")
     lines = re.sub(r"</(?:p|h1|li|tr|figcaption|span)>", "\n", re.sub(r"</t[dh]>", " | ", screen))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from first_screens import CASES, FOLDER, alike, first_screens
 
@@ -21,3 +23,12 @@ def test_words_and_large_differences_of_numbers_are_told_and_last_digits_are_not
     assert alike("an error of 20.3 µm", "an error of 20.1 µm")
     assert not alike("an error of 21.3 µm", "an error of 20.1 µm")
     assert not alike("an error of 20.1 mm", "an error of 20.1 µm")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_headline_has_at_most_three_lines_and_a_size_in_each_but_where_only_noise_is_left(name: str) -> None:
+    terminal = (FOLDER / f"{name}.txt").read_text(encoding="utf-8").partition("\nREPORT\n")[0]
+    headline = terminal.split("\n\n")[1].splitlines()
+    assert 1 <= len(headline) <= 3
+    for line in headline:
+        assert re.search(r"\d (?:m|µ)m|\d %", line) or line == "No cause beside the geometry: only noise is left."

@@ -88,6 +88,13 @@ def test_a_comparison_on_disk_is_tables_a_page_and_a_picture_which_needs_matplot
     assert "position_errors.png" not in names
 
 
+def test_warnings_of_a_comparison_and_of_an_accuracy_analysis_are_on_page_and_in_json(accuracy):
+    for made, shown in ((comparison({1: 3e-4, 3: 1e-4}), ComparisonPresentation), (accuracy, AccuracyPresentation)):
+        warned = replace(made, warnings=("the first", "the second"))
+        assert "Warnings (2) the first the second" in text(shown(warned).page().partition("<nav")[0])
+        assert warned.to_json()["warnings"] == ["the first", "the second"]
+
+
 @pytest.fixture(scope="module")
 def accuracy() -> Accuracy:
     q = np.random.default_rng(0).uniform(-0.4, 0.4, (15, 3))

@@ -45,7 +45,7 @@ def test_without_positions_only_what_was_read_needs_no_compensation(none):
     open_ = replace(baseline.observability, variance_reduction=0.0 * baseline.observability.variance_reduction)
     touched = replace(baseline, by_instrument=(plane,), observability=open_)
     said = " ".join(verdict(replace(none, baseline=touched)).advice)
-    assert "For what bed can read, the calibrated geometry is all that is needed. Positions can still be wrong" in said
+    assert "The calibrated geometry explains the readings of bed. Positions can still be wrong" in said
     assert "no other compensation" not in said
 
 
@@ -54,7 +54,7 @@ def test_poses_that_are_too_few_for_the_geometry_are_said_to_be(findings):
     few = replace(found, noise_source="declared", gap=replace(found.gap, before=10.0 * found.gap.floor))
     said = " ".join(verdict(few).advice)
     assert "Measure more poses" in said
-    assert "all that is needed" not in said
+    assert "is enough" not in said
 
 
 def test_a_cause_is_named_with_its_site_and_what_it_does_to_the_gap(findings):
@@ -82,15 +82,17 @@ def test_what_can_not_be_distinguished_is_named_with_its_probabilities(findings)
 
 def test_an_unknown_cause_says_what_moves_with_what_and_warns_of_names(findings):
     said = verdict(findings["unknown"])
-    assert re.match(r"Unknown, .*: an effect that is not in the catalogue moves cart1 with q1 and q3\.", said.headline)
-    assert "Don't compensate it by the name of an effect." in " ".join(said.advice)
+    assert re.match(
+        r"Unknown, .*: an effect that is not in the catalogue displaces cart1 depending on q1 and q3\.", said.headline
+    )
+    assert "Don't compensate it as one of the known effects." in " ".join(said.advice)
 
 
 def test_an_unknown_cause_that_goes_with_nothing_is_bound_to_no_site(findings):
     found = findings["unknown"]
     lost = replace(found, unexplained=replace(found.unexplained, correlates=()))
     assert "cart1" not in verdict(lost).headline
-    assert "Don't compensate it by the name of an effect." in " ".join(verdict(lost).advice)
+    assert "Don't compensate it as one of the known effects." in " ".join(verdict(lost).advice)
 
 
 def test_places_of_an_unknown_cause_that_are_equally_probable_are_all_named(findings):
@@ -99,7 +101,10 @@ def test_places_of_an_unknown_cause_that_are_equally_probable_are_all_named(find
     scale = Correlate("frame", "time", 1e-18, "stretch", 0.4)
     several = replace(found, unexplained=replace(found.unexplained, correlates=(first, scale, second)))
     said = verdict(several).headline
-    assert "moves cart1 with q1 and q3, or changes the scale of the instrument or the whole machine with time." in said
+    assert (
+        "displaces cart1 depending on q1 and q3, or changes the scale of the instrument or the whole machine depending on time."
+        in said
+    )
     assert "platform" not in said
 
 

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from gtpin.bench.commands.simulate import Instruments
 from gtpin.bench.simulator.recipe import digest
-from gtpin.commands.terminal import AsJson, Force, Output, Seed, SpeedColumn, tell, write_json
+from gtpin.commands.terminal import AsJson, Force, Output, Seed, tell, write_json
 from gtpin.errors import GtpinError
 from gtpin.output.results import results_folder
 
@@ -105,7 +105,6 @@ def _watched(plant: str | None) -> Iterator[_Bars]:
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
-        SpeedColumn("{:.0f} a minute", seconds=60.0),
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=console, disable=not console.is_terminal) as bars:

@@ -27,7 +27,7 @@ from gtpin.calibration.checks.moved import (
     stretch,
 )
 from gtpin.calibration.checks.prior_conflict import prior_conflict, with_wider_tolerances
-from gtpin.calibration.checks.suspected import far_from_declared, refuse
+from gtpin.calibration.checks.suspected import far_from_declared, refuse, warn_of_far_parameters, zeros_off
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.problem import Measured, rough_frame
@@ -157,14 +157,16 @@ def _without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
             'fitted as free; write frame = "free"'
         )
         return freed.run()
-    if found.what == "zero":
-        deviation = f"the zero of {found.site} looks {found.size * 1e3:.3g} mm or mrad off"
-    elif found.what == "part":
-        deviation = f"{found.site} looks {abs(found.size):.2g} tolerances off"
+    relaxed = fit.with_geometry(with_wider_tolerances(settled, found)).run()
+    if zeros := zeros_off(relaxed):
+        deviation = zeros
+    elif found.what in ("part", "zero"):
+        named = found.site if found.what == "part" else f"the zero of {found.site}"
+        deviation = f"{named} looks off by more than the tolerances allow"
     else:
         deviation = f"its parameters are off by {found.size:g} times their tolerances"
     warn(f"the nominal model is not this machine: {deviation}; tolerances are widened to admit it")
-    return fit.with_geometry(with_wider_tolerances(settled, found)).run()
+    return relaxed
 
 
 def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
@@ -209,9 +211,7 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
         if coarse or size > limits.MISFIT:
             times = max(size, settled.sigma_scale)
             warn(f"residuals are {times:{'.0f' if times > limits.MISFIT else '.1f'}} times the noise: {why}")
-    off = np.where(about_track(model.geometry), 0.0, settled.deviation)
-    if names := far_from_declared(off, model.geometry.names):
-        warn(f"parameters more than {limits.FAR_FROM_PRIOR:g} tolerances from nominal: {names}")
+    warn_of_far_parameters(settled, about_track(model.geometry))
     return coarse
 
 
@@ -301,9 +301,7 @@ def _warn_of_deviations(settled: FitState, readings: Readings) -> None:
     known = seen.variance_reduction > UNSEEN
     along = seen.directions[:, known].T @ x
     chance = chi2.sf(float((along**2 / seen.variance_reduction[known]).sum()), max(int(known.sum()), 1))
-    if names := far_from_declared(x, settled.geometry.names):
-        warn(f"parameters more than {limits.FAR_FROM_PRIOR:g} tolerances from nominal: {names}")
-    elif chance < limits.GEOMETRY_CHANCE:
+    if not warn_of_far_parameters(settled) and chance < limits.GEOMETRY_CHANCE:
         text = f"the geometry as a whole is farther from nominal than its tolerances allow (chance {chance:.1g})"
         hint = "check commands, known distances, and what is declared of the instruments, or give larger tolerances"
         warn(f"{text}: {hint}; an effect that the geometry takes up may do this as well")

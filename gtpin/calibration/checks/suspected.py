@@ -12,9 +12,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from gtpin.calibration.checks import limits
+from gtpin.calibration.fit_state import FitState
 from gtpin.data import Dataset
 from gtpin.errors import ConvergenceError, DatasetError, warn
-from gtpin.typing import Floats
+from gtpin.model.departures import with_zeros
+from gtpin.typing import Floats, Mask
 
 Size = tuple[float, float]
 """Robust standard deviation of what a fit leaves: of positions, m, and of rotations, rad; 0 where there are none."""
@@ -85,6 +87,44 @@ def far_from_declared(values: Floats, names: Sequence[str]) -> str:
     order = far[np.argsort(-np.abs(values[far]))]
     more = f" and {len(order) - limits.NAMED} more" if len(order) > limits.NAMED else ""
     return ", ".join(f"{names[i]} ({values[i]:+.0f})" for i in order[: limits.NAMED]) + more
+
+
+def warn_of_far_parameters(settled: FitState, anywhere: Mask | bool = False) -> bool:
+    """Warn of the geometry's parameters that are far from nominal; of joints whose zero explains it, by the zero.
+
+    ``anywhere``: (p,) parameters that may have any value. Returns whether there was a warning.
+    """
+    fitted, far = settled.fit.point.model.geometry, np.where(anywhere, 0.0, settled.deviation)
+    if not far_from_declared(far, fitted.names):
+        return False
+    zeros, values = zeros_off(settled), dict.fromkeys(fitted.names, 0.0)
+    if zeros:  # what they do not explain
+        size = dict(zip(fitted.names, settled.geometry.tolerance, strict=True))
+        rows = with_zeros(fitted, _covariance(settled))
+        values |= {one.name: one.value / size[one.name] for one in rows if one.name in size}
+        warn(f"off by more than the tolerances explain: {zeros}")
+        far = np.where(anywhere, 0.0, list(values.values()))
+    if names := far_from_declared(far, fitted.names):
+        warn(f"parameters more than {limits.FAR_FROM_PRIOR:g} tolerances from nominal: {names}")
+    return True
+
+
+def zeros_off(settled: FitState) -> str:
+    """The zeros of joints that are off by more than the tolerances explain, in words; empty where there is none."""
+    found = []
+    for one in with_zeros(settled.fit.point.model.geometry, _covariance(settled)):
+        if one.beyond:
+            factor, unit = (180.0 / np.pi, "deg") if one.unit == "rad" else (1e3, "mm")
+            digits = max(0, 1 - int(np.floor(np.log10(factor * one.sigma))))
+            size = f"{factor * one.value:+.{digits}f} +- {factor * one.sigma:.{digits}f} {unit}"
+            found.append(f"zero of {one.name.removeprefix('zero[')[:-1]} {size}")
+    return ", ".join(found)
+
+
+def _covariance(settled: FitState) -> Floats:
+    """(p, p) covariance of the geometry's parameters."""
+    size = settled.fit.point.model.geometry.tolerance
+    return np.asarray(settled.final.covariance[: len(size), : len(size)] * np.outer(size, size))
 
 
 def _sizes(sizes: Size) -> str:

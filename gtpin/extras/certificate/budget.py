@@ -19,7 +19,7 @@ from gtpin.typing import Floats
 
 COVERAGE = 2.0
 """Coverage factor k: 95 % of a normal distribution (JCGM 100, 6.3.3)."""
-Source = Literal["geometry", "effects", "correlation", "frame", "repeatability", "unexplained", "instrument"]
+Source = Literal["model", "frame", "repeatability", "unexplained", "instrument"]
 DIRECTIONS, UNKNOWNS = 6, 3
 """Number of listed directions of the unknowns, and number of unknowns listed for each."""
 DRAWS = 1000
@@ -63,7 +63,6 @@ class Contribution:
         What contributes.
     covariance
         (N, 6, 6) covariance that it adds to the TCP's pose, m and rad, at each pose of the budget; None where it is not known.
-        That of ``correlation`` may be negative.
     input
         Standard uncertainty of the quantity that contributes, in ``unit``, where it is one number; else None.
     kind
@@ -82,14 +81,8 @@ class Contribution:
     @property
     def position(self) -> float | None:
         """Its contribution to the standard uncertainty of the position, m: root of the sum of the axes' variances, averaged
-        over the poses.
-
-        Negative where the contribution is a correlation that makes the sum smaller.
-        """
-        if self.covariance is None:
-            return None
-        power = mean_trace(self.covariance[:, :3, :3])
-        return float(np.sign(power) * np.sqrt(abs(power)))
+        over the poses."""
+        return None if self.covariance is None else float(np.sqrt(mean_trace(self.covariance[:, :3, :3])))
 
     @property
     def sensitivity(self) -> float | None:
@@ -180,26 +173,12 @@ def budget(
     certificate; None where not known. ``orientation``: whether orientation was measured. ``seed``: seed of the machines that
     are drawn for ``radius``.
     """
-    model, count, p = posterior.model, len(at.q), len(posterior.model.geometry.parameters)
-    D, root = posterior.derivatives(at), posterior.root
-    # All rows from one root of the covariance, which is positive: differences of large products would not be.
-    G, E = D[:, :, :p] @ root[:p], D[:, :, p:] @ root[p:]
-
-    def squared(A: Floats, B: Floats) -> Floats:
-        return np.asarray(A @ np.swapaxes(B, 1, 2))
-
-    rows = [Contribution("geometry", squared(G, G))]
-    if model.effects:
-        rows += [
-            Contribution("effects", squared(E, E)),
-            Contribution("correlation", squared(G, E) + squared(E, G)),
-        ]
-    else:
-        rows.append(Contribution("effects", None, missing="no_effects"))
-    fixed, fresh = [G + E], [np.zeros((count, 6, 0))]
-    if posterior.frame is None:
-        rows.append(Contribution("frame", None, missing="frame_is_base"))
-    else:
+    model, count, D = posterior.model, len(at.q), posterior.derivatives(at)
+    # Geometry and effects are one contribution: they are correlated, and by themselves each can be far larger than both.
+    half = D @ posterior.root
+    rows = [Contribution("model", np.asarray(half @ np.swapaxes(half, 1, 2)))]
+    fixed, fresh = [half], [np.zeros((count, 6, 0))]
+    if posterior.frame is not None:
         F = posterior.frame.motions(model, at)
         rows.append(Contribution("frame", F @ posterior.frame.covariance @ np.swapaxes(F, 1, 2)))
         fixed.append(F @ root_of(posterior.frame.covariance))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gtpin.calibration.checks.before_fit import plausible_rows
@@ -13,7 +15,7 @@ from gtpin.data.plausible import check_actuators, sane_rows
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.operating_points import OperatingPoints
-from gtpin.errors import DatasetError, ModelError, UnreachableError, check_kind
+from gtpin.errors import DatasetError, ModelError, UnreachableError, check_kind, noted
 from gtpin.extras.certificate.budget import budget
 from gtpin.extras.certificate.evaluate import Evaluation
 from gtpin.extras.certificate.held_against import HeldAgainst, ModelPosterior
@@ -66,8 +68,8 @@ def certify(
     Raises
     ------
     GtpinError
-        If the dataset has no measured positions, is too small or does not match the model, or the model's geometry or noise
-        is not known.
+        If the dataset has no measured positions, is too small or does not match the model, the model's geometry or noise is
+        not known, or the data support none of the certificate's numbers.
 
     Examples
     --------
@@ -82,6 +84,14 @@ def certify(
     check_kind(dataset, Dataset)
     check_kind(model, Model, type(None))
     _check(dataset, model, instrument)
+    with noted() as texts:
+        found = _certify(dataset, model, instrument, seed, progress)
+    return replace(found, warnings=dataset.told(texts))
+
+
+def _certify(
+    dataset: Dataset, model: Model | None, instrument: float | None, seed: int, progress: Progress | None
+) -> Certificate:
     found = diagnose(dataset, seed=seed, progress=progress) if model is None else None
     used = found.model if found is not None else model
     assert used is not None
@@ -95,6 +105,13 @@ def certify(
     nominal = HeldAgainst.of(bare, rows, noise, align=free and known)
     gap = None if found is None else found.gap
     evaluation = Evaluation(rows, nominal, known, held, posterior, gap, basis == "fitted")
+    quantities = evaluation.quantities()
+    if all(one.value is None for one in quantities):
+        raise DatasetError(
+            "these data support no number of a certificate: accuracy, repeatability and positioning are all blank",
+            file=dataset.file,
+            hint="measure poses that the model was not fitted to, or visit a tenth of the poses twice, and certify these",
+        )
     if progress is not None:
         progress("propagating the uncertainty over the workspace", 0, float("nan"))
     at = between(rows, held.model, generator(seed))
@@ -102,7 +119,7 @@ def certify(
     aside = ~np.isin(dataset.row, rows.row) & ~copies(dataset)
     return Certificate(
         model=held.model,
-        quantities=evaluation.quantities(),
+        quantities=quantities,
         budget=budget(posterior, at, *evaluation.spreads(), instrument, orientation=turned, seed=seed),
         noise=noise,
         basis=basis,

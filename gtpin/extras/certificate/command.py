@@ -15,14 +15,11 @@ from gtpin.commands.terminal import (
     TrustData,
     progress_of,
     read_dataset,
-    rendered,
-    tell,
-    written,
+    result_in,
 )
 from gtpin.extras.certificate.certify import certify as run_certificate
-from gtpin.extras.certificate.page import CERTIFICATE, CertificatePresentation
+from gtpin.extras.certificate.page import CERTIFICATE
 from gtpin.model.model_folder import read_model
-from gtpin.output.results import results_folder
 
 
 def certify(
@@ -49,12 +46,9 @@ def certify(
     as_json: AsJson = False,
 ) -> None:
     """Certify accuracy and repeatability (ISO 9283, ISO 230-2), with an uncertainty budget (GUM) of the corrected machine."""
-    with results_folder(output, CERTIFICATE, force=force) as folder:
+    with result_in(output, CERTIFICATE, force=force, as_json=as_json) as take:
         corrects = None if model is None else read_model(model)
         read = read_dataset(dataset, trust=trust_data)
         with progress_of("certifying") as progress:
             found = run_certificate(read, corrects, instrument=instrument, seed=seed, progress=progress)
-        shown = CertificatePresentation(found)
-        result = shown.write(folder)
-    files = written(output, ("certificate.json", "model"), "certificate.html")
-    tell(result, rendered(shown.terminal(), files), as_json)
+        take(found)

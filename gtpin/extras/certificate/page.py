@@ -3,8 +3,9 @@ browser's print dialogue."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +15,12 @@ from rich.console import Group, RenderableType
 from gtpin.extras.certificate.budget import COVERAGE, Budget, Contribution
 from gtpin.extras.certificate.quantity import Quantity
 from gtpin.extras.certificate.result import Certificate
-from gtpin.extras.certificate.terms import BASES, DEFINITIONS, HOW, ROWS, SOURCES, STATED, WHY
+from gtpin.extras.certificate.terms import BASES, DEFINITIONS, HOW, ROWS, SOURCES, STATE, STATED, WHY
 from gtpin.model.model_folder import model_json, write_model
 from gtpin.output.results import json_text
-from gtpin.output.shown import Presentation
-from gtpin.report.page import Block, Heading, Items, Lead, Section, Table, report
+from gtpin.report.page import Block, Fold, Heading, Items, Lead, PagePresentation, Section, Step, Table, in_terminal
 from gtpin.report.provenance import digest, provenance
-from gtpin.report.words import counted, joined, percent, quantity, whole
+from gtpin.report.words import capital, counted, joined, percent, quantity, typeset
 from gtpin.typing import Floats
 
 if TYPE_CHECKING:
@@ -34,40 +34,65 @@ CERTIFICATE = ("certificate.json", "certificate.html", "model")
 
 
 @dataclass(frozen=True)
-class CertificatePresentation(Presentation):
+class CertificatePresentation(PagePresentation):
     """A certificate; its table is that of its numbers."""
 
     certificate: Certificate
     files = CERTIFICATE
 
-    def short(self) -> str:
-        """The certified uncertainty."""
-        c = self.certificate
-        return f"Certificate of {c.model.robot.name}\n{headline(c)}\n{statement(c)[0]}"
+    @property
+    def title(self) -> str:
+        """The title of the page."""
+        return f"Certificate of {self.certificate.model.robot.name}"
 
-    def text(self) -> str:
-        """The statement, and all numbers."""
+    @cached_property
+    def lead(self) -> Lead:
+        """The certified uncertainty, what it is based on, and what is blank."""
         c = self.certificate
-        numbers = [f"{_name(q)}: {_value(q) or f'blank: {why(q)}'}" for q in c.quantities]
-        return "\n".join([headline(c), *statement(c), *numbers]) + "\n"
-
-    def terminal(self) -> RenderableType:
-        """The statement, the numbers that the data suffice for, and the budget."""
-        c = self.certificate
-        known = [[_name(q), _value(q), str(q.poses)] for q in c.quantities if q.value is not None]
-        budget = [
-            [ROWS[row.source], quantity(row.position, "m"), _share(c.budget.share(row) or 0.0)]
-            for row in c.budget.rows
-            if row.position is not None
-        ]
-        blank = f"{len(c.quantities) - len(known)} of {len(c.quantities)} numbers are blank"
-        return Group(
-            headline(c),
-            *statement(c),
-            Table(("quantity", "value", "poses"), known, (1, 2)).printed(),
-            Table(("contribution", "at the TCP", "share"), budget, (1, 2)).printed(),
-            f"{blank}, because the data do not suffice: the page says why.",
+        numbers = [(quantity(c.budget.radius, "m"), "95 % of position errors, corrected")]
+        for symbol in ("AP_p_corrected_rms", "AP_p_nominal_rms", "RP_l_pooled"):
+            if (value := c[symbol].value) is not None:
+                numbers.append((quantity(value, c[symbol].unit), DEFINITIONS[symbol].name))
+        program = "A program, corrected by the certified model:"
+        return Lead(
+            self.title,
+            f"The corrected machine positions its TCP within {numbers[0][0]} in 95 % of cases.",
+            [*statement(c), *blank_words(c)],
+            numbers,
+            steps=[Step(program, "gtpin export DIR --commands program.csv -o corrected.csv")],
+            warnings=c.warnings,
         )
+
+    @cached_property
+    def sections(self) -> Sequence[Section]:
+        """What is certified, the numbers, the budget, what is blank, and the standards."""
+        c = self.certificate
+        effects = ", ".join(active.name for active in c.model.effects)
+        certified = [
+            f"Measured commands: {typeset(limits(c))}.",
+            f"The model corrects geometry and {effects}." if effects else "The model corrects geometry alone.",
+            f"The model is {MODEL} in the folder of this page; its digest is at the end.",
+        ]
+        bind = "Definitions are in our own words. Only the standards themselves are binding."
+        return [
+            Section("statement", "What is certified", [Items(certified)]),
+            _numbers(c),
+            _budget(c),
+            Section("blank", "What is blank", _blanks(c)),
+            Section("sources", "Standards", [bind, Items(SOURCES)]),
+        ]
+
+    @property
+    def origin(self) -> Table:
+        """Versions, seed and digests, also of the certified model."""
+        c = self.certificate
+        origin = provenance(c.dataset, c.model.robot, c.seed)
+        return Table(origin.head, [*origin.rows, [MODEL, f"sha256 {digest(model_json(c.model).encode())}"]])
+
+    def terminal(self, folder: Path | None = None) -> RenderableType:
+        """The first screen, the numbers that the data suffice for, and the budget."""
+        tables = [_known(self.certificate), _contributions(self.certificate)]
+        return Group(super().terminal(folder), *in_terminal(tables))
 
     def table(self) -> pd.DataFrame:
         """By symbol and site: value, standard uncertainty, unit, numbers of poses and rows, and why it is blank."""
@@ -80,12 +105,12 @@ class CertificatePresentation(Presentation):
         write_model(self.certificate.model, folder / "model")
         result = self.json()
         (folder / "certificate.json").write_text(json_text(result), encoding="utf-8")
-        (folder / "certificate.html").write_text(certificate_page(self.certificate), encoding="utf-8")
+        (folder / "certificate.html").write_text(self.page(), encoding="utf-8")
         return result
 
     def json(self) -> dict[str, Any]:
         """The content of ``certificate.json``, in SI units. Where the data do not suffice, a value is None and has a
-        ``reason``."""
+        ``reason``; ``state``: whether it is blank until the user states what is known without a measurement."""
         c, b = self.certificate, self.certificate.budget
         return {
             "schema": "gtpin-certificate/1",
@@ -119,6 +144,7 @@ class CertificatePresentation(Presentation):
                         "standard_uncertainty": row.position,
                         "share": b.share(row),
                         "reason": why(row),
+                        "state": row.missing in STATE,
                         "method": HOW[row.source],
                     }
                     for row in b.rows
@@ -135,75 +161,48 @@ class CertificatePresentation(Presentation):
             },
             "sources": list(SOURCES),
             "seed": c.seed,
+            "warnings": list(c.warnings),
         }
 
 
-def certificate_page(c: Certificate) -> str:
-    """The whole certificate as one self-contained HTML file."""
-    first, *further = statement(c)
-    effects = ", ".join(active.name for active in c.model.effects)
-    numbers = [(quantity(c.budget.radius, "m"), "95 % of position errors, corrected")]
-    for symbol in ("AP_p_corrected_rms", "AP_p_nominal_rms", "RP_l_pooled"):
-        if (value := c[symbol].value) is not None:
-            numbers.append((quantity(value, c[symbol].unit), DEFINITIONS[symbol].name))
-    certified = [
-        *further,
-        f"Measured commands: {limits(c)}.",
-        f"The model corrects geometry and {effects}." if effects else "The model corrects geometry alone.",
-        f"The model is {MODEL} in the folder of this page; its digest is at the end.",
-    ]
-    name, hint = c.model.robot.name, "To save this page as PDF, print it (Ctrl+P)."
-    bind = "Definitions are in our own words; the standards themselves bind."
-    sections = [
-        Section("statement", "What is certified", [Items(certified)]),
-        *_numbers(c),
-        _budget(c),
-        Section("blank", "What the data do not suffice for", [_blanks(c)]),
-        Section("sources", "Standards", [bind, Items(SOURCES)]),
-    ]
-    origin = provenance(c.dataset, c.model.robot, c.seed)
-    digests = Table(origin.head, [*origin.rows, [MODEL, f"sha256 {digest(model_json(c.model).encode())}"]])
-    lead = Lead(f"Certificate of accuracy · {name}", headline(c), [first], numbers, hint=hint)
-    return report(f"Certificate of {name}", lead, sections, digests, contents=False)
-
-
-def _numbers(c: Certificate) -> tuple[Section, Section]:
-    def table(found: Iterable[Quantity]) -> Table:
-        rows = []
-        for q in found:
+def _known(c: Certificate) -> Table:
+    """The numbers that the data suffice for."""
+    rows = []
+    for q in c.quantities:
+        if q.value is not None:
             d = DEFINITIONS[q.symbol]
-            after = f"{'resembles ' if d.estimate else ''}{d.standard}"
-            rows.append([_name(q), _value(q), str(q.poses), str(q.rows), f"{d.formula}. {d.words}", after])
-        return Table(("quantity", "value", "poses", "rows", "definition", "after"), rows, (1, 2, 3))
+            rows.append([_name(q), _value(q), str(q.poses), str(q.rows), f"{'resembles ' * d.estimate}{d.standard}"])
+    return Table(("quantity", "value", "poses", "rows", "after"), rows, (1, 2, 3))
 
-    any_side = "from any side: reversal is part of them. The standard asks for visits from one side"
+
+def _numbers(c: Certificate) -> Section:
+    any_side = "from any side: reversal is part of them. The standard requires visits from one side"
     visits = f"Repeatabilities are of visits {'with the same directions of approach' if c.one_way else any_side}."
-    known = [q for q in c.quantities if q.value is not None]
     about = (
-        "Values with one standard uncertainty. Where a row resembles a clause, fewer visits or other poses than the standard "
-        f"asks for were measured, and the value estimates what its test would show. {visits}"
+        "Values with one standard uncertainty. Where a row resembles a clause, there are fewer visits or other poses than the "
+        "standard requires, and the value is an estimate of the result of its test. Numbers of single actuators are deviations "
+        f"of their travel, computed from the measured TCP. {visits}"
     )
-    single = table(q for q in known if q.site)
-    actuators: list[Block] = ["The data do not suffice for any number of single actuators."]
-    if single.rows:
-        actuators = ["Deviations of an actuator's travel as the measured TCP shows them.", single]
-    return (
-        Section("poses", "Poses", [about, table(q for q in known if not q.site)]),
-        Section("actuators", "Actuators", actuators),
-    )
+    symbols = dict.fromkeys(q.symbol for q in c.quantities if q.value is not None)
+    meanings = [f"{capital(d.name)}: {d.formula}. {d.words}" for d in map(DEFINITIONS.__getitem__, symbols)]
+    return Section("numbers", "Accuracy and repeatability", [about, _known(c), Fold("Definitions", [Items(meanings)])])
 
 
-def _budget(c: Certificate) -> Section:
-    b, rows = c.budget, []
-    for row in b.rows:
+def _contributions(c: Certificate) -> Table:
+    rows = []
+    for row in c.budget.rows:
         if row.position is None:
-            rows.append([ROWS[row.source], row.kind, "", "", "", "", f"Blank: {why(row)}."])
+            rows.append([ROWS[row.source], row.kind, "", "", "blank", ""])
             continue
         size = "" if row.input is None else quantity(row.input, row.unit)
         sensitivity = "" if row.sensitivity is None else f"{row.sensitivity:.3g}"
-        share = _share(b.share(row) or 0.0)
-        about = [ROWS[row.source], row.kind, size, sensitivity]
-        rows.append([*about, quantity(row.position, "m"), share, HOW[row.source]])
+        share = percent(c.budget.share(row) or 0.0)
+        rows.append([ROWS[row.source], row.kind, size, sensitivity, quantity(row.position, "m"), share])
+    return Table(("contribution", "type", "input, 1 sigma", "sensitivity", "at the TCP", "share"), rows, (2, 3, 4, 5))
+
+
+def _budget(c: Certificate) -> Section:
+    b = c.budget
     sizes = [_by_axis(b, values) for values in (b.combined, COVERAGE * b.combined, b.largest)]
     combined = [
         [axis.replace("r", "about "), *(quantity(one[axis], "rad" if "r" in axis else "m") for one in sizes)]
@@ -213,36 +212,59 @@ def _budget(c: Certificate) -> Section:
         [", ".join(f"{name} {quantity(change, unit)}" for name, change, unit in d.changes), quantity(d.position, "m")]
         for d in b.directions
     ]
-    head = ("contribution", "type", "standard uncertainty of the input", "sensitivity", "at the TCP", "share", "how")
     of_axes = ("axis", "combined standard uncertainty", f"expanded, k = {COVERAGE:g}", "expanded, largest")
     content: list[Block] = [
         "Standard uncertainties of the TCP's position (root of the summed variances of the three axes), root mean square over "
         f"{len(b.q)} poses between the measured ones. Type A is evaluated by statistics, type B by other knowledge (JCGM 100, "
         "4.2 and 4.3). A blank contribution is not in the sum.",
-        Table(head, rows, (2, 3, 4, 5)),
+        _contributions(c),
+        Items([f"{capital(ROWS[row.source])}: {HOW[row.source]}." for row in b.rows if row.missing is None]),
         "Combined: the contributions' covariances at each pose are added (JCGM 100, 5.2). Expanded: U = k u with k = "
         f"{COVERAGE:g}, which covers 95 % of a normal distribution along an axis (JCGM 100, 6.2). Three axes together need "
         f"more than k = 2 (JCGM 102): 95 % of the position errors are shorter than {quantity(b.radius, 'm')}, by drawing "
         "machines from the posterior.",
         Table(of_axes, combined, (1, 2, 3)),
-        Heading("What is least known"),
-        "Parameters of geometry and effects are correlated. These are uncorrelated directions of them, the largest first: by "
-        "how much each of three parameters changes with the direction, and what it contributes at the TCP. The squares of all "
-        "directions add up to geometry and effects.",
+        Heading("The largest uncertainties of the model"),
+        "Parameters of geometry and effects are correlated. These are uncorrelated directions of them, the largest first: the "
+        "change of each of three parameters along the direction, and its contribution at the TCP. The squares of all "
+        "directions add up to the square of the model's contribution.",
         Table(("changes for one standard deviation", "at the TCP"), directions, (1,)),
     ]
     return Section("budget", "Uncertainty of the corrected machine", content)
 
 
-def _blanks(c: Certificate) -> Table:
-    """The blank numbers, each with its reason; actuators with the same reason are in one row."""
-    rows: dict[tuple[str, str], list[str]] = {}
-    for q in c.quantities:
-        if q.value is None:
-            d = DEFINITIONS[q.symbol]
-            rows.setdefault((f"{d.name}: {d.formula} ({d.standard})", why(q)), []).append(q.site)
-    cells = [[name, ", ".join(site or "TCP" for site in sites), why_] for (name, why_), sites in rows.items()]
-    return Table(("quantity", "of", "why it is blank"), cells)
+def blank_words(c: Certificate) -> list[str]:
+    """How many numbers are blank: what the user has to state, and how many need further measurements."""
+    blank = _blank(c)
+    state = [why(one) for one in blank if one.missing in STATE]
+    found = [f"For you to fill in: {'; '.join(dict.fromkeys(state))}."] if state else []
+    if measured := len(blank) - len(state):
+        found.append(
+            f"{counted(measured, 'number')} stay blank until more is measured: see the section on what is blank."
+        )
+    return found
+
+
+def _blank(c: Certificate) -> list[Quantity | Contribution]:
+    every: list[Quantity | Contribution] = [*c.quantities, *c.budget.rows]
+    return [one for one in every if one.missing is not None]
+
+
+def _blanks(c: Certificate) -> list[Block]:
+    """The blank numbers by reason: those that the user has to fill in, then those that need measurements."""
+    reasons: dict[tuple[bool, str], dict[str, list[str]]] = {}
+    for one in _blank(c):
+        name, site = (DEFINITIONS[one.symbol].name, one.site) if isinstance(one, Quantity) else (ROWS[one.source], "")
+        reasons.setdefault((one.missing in STATE, why(one)), {}).setdefault(name, []).append(site)
+    content: list[Block] = []
+    for state, title in ((True, "For you to fill in"), (False, "To be measured")):
+        found = [
+            f"{capital(joined([name + f' of {joined(sites)}' * any(sites) for name, sites in names.items()]))}: {reason}."
+            for (of, reason), names in reasons.items()
+            if of == state
+        ]
+        content += [Heading(title), Items(found)] if found else []
+    return content or ["No number is blank."]
 
 
 def _by_axis(b: Budget, values: Floats) -> dict[str, float]:
@@ -267,21 +289,11 @@ def _name(q: Quantity) -> str:
     return f"{DEFINITIONS[q.symbol].name}{f' of {q.site}' if q.site else ''}, {symbol}"
 
 
-def _share(share: float) -> str:
-    """A share of the variance; that of a correlation may be negative."""
-    return percent(share) if share >= 0.0 else whole(f"{min(-1.0, 100.0 * share):.0f} %")
-
-
 def why(q: Quantity | Contribution) -> str:
     """Why a number is blank."""
     if q.missing is None:
         return ""
     return WHY[q.missing].format(have=q.have if isinstance(q, Quantity) else "none or few")
-
-
-def headline(c: Certificate) -> str:
-    """The corrected machine's uncertainty, in one sentence."""
-    return f"The corrected machine positions its TCP within {quantity(c.budget.radius, 'm')} in 95 % of cases."
 
 
 def statement(c: Certificate) -> list[str]:
@@ -290,8 +302,8 @@ def statement(c: Certificate) -> list[str]:
     axes = joined([f"{axis} {quantity(float(u), 'm')}" for axis, u in zip("xyz", U, strict=True)])
     found = [
         f"Expanded uncertainty with k = {COVERAGE:g} (95 %), root mean square over the workspace: {axes}.",
-        f"It rests on {counted(c.rows, 'measurement')} of {counted(c.poses, 'pose')}. {BASES[c.basis]}",
-        "It holds between the measured commands, under the recorded conditions, and for a controller that uses the model.",
+        f"It is computed from {counted(c.rows, 'measurement')} of {counted(c.poses, 'pose')}. {BASES[c.basis]}",
+        "It is valid between the measured commands, under the recorded conditions, and for a controller that uses the model.",
     ]
     found += [STATED[key] for key in (c.verdict, c.noise_known) if key in STATED]
     return [*found, f"Set aside: {joined(list(c.set_aside))}."] if c.set_aside else found

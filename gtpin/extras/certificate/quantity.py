@@ -18,8 +18,6 @@ Missing = Literal[
     "fitted_poses",
     "not_declared",
     "not_stated",
-    "no_effects",
-    "frame_is_base",
 ]
 """Why a number is blank; in words: ``WHY`` in ``gtpin/extras/certificate/terms.py``."""
 

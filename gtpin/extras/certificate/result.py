@@ -49,6 +49,8 @@ class Certificate(Shown):
         Ids of poses with rows that were set aside.
     dataset, seed
         The data, and the seed of the random draws.
+    warnings
+        Texts of all warnings, also of those when the dataset was read.
 
     Examples
     --------
@@ -74,6 +76,7 @@ class Certificate(Shown):
     set_aside: tuple[str, ...]
     dataset: Dataset
     seed: int = 0
+    warnings: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Quantity:
         """One quantity by its symbol (``AP_p``), for an actuator with its site (``B[cart1]``). Raises `KeyError` if there is

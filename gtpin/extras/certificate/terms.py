@@ -131,52 +131,52 @@ SOURCES = (
 )
 WHY: dict[Missing, str] = {
     "few_cycles": f"no pose was visited {CYCLES} times, as ISO 9283 asks; the most are {{have}}",
-    "few_visits": f"fewer than {LEAST_CONTRASTS} repeated visits ({{have}}) say too little of the scatter",
-    "few_targets": f"no {TARGETS} targets on a line of this actuator, the others at rest, each approached {APPROACHES} times "
-    "from both sides; the longest line has {have}",
+    "few_visits": f"fewer than {LEAST_CONTRASTS} repeated visits ({{have}}), so that the scatter can't be estimated",
+    "few_targets": f"{TARGETS} targets on a line of this actuator are needed, the other actuators at rest, each approached "
+    f"{APPROACHES} times from both sides; the longest line has {{have}}",
     "within_noise": "the scatter of the visits is no larger than the instrument's own noise",
     "no_orientation": "orientation was not measured",
-    "no_approach": "the direction of approach was not recorded, or hardly varies",
-    "free_target": "where the target sits on the platform is not known beforehand",
+    "no_approach": "the direction of approach was not recorded, or hardly varies: columns approach1, approach2, ...",
+    "free_target": "the place of the target on the platform was not known before the calibration",
     "too_many_drives": "the measured pose does not determine the travel of each actuator",
     "known_in_mean": "errors at left-out poses are known as a mean only; measure new poses and certify them with --model",
     "fitted_poses": "the model was fitted to these poses; certify new poses, or leave --model out",
-    "not_declared": "the instrument's noise was not declared, so that the scatter of visits can't be divided between "
-    "instrument and machine",
-    "not_stated": "not stated: give the standard uncertainty of the instrument's certificate with --instrument-uncertainty",
-    "no_effects": "the model has no effects",
-    "frame_is_base": "the instrument measures in the base frame",
+    "not_declared": "the instrument's noise was not declared (position_sigma in dataset.toml), so that the scatter of visits "
+    "can't be divided between instrument and machine",
+    "not_stated": "the instrument's systematic error was not stated: give the standard uncertainty of its certificate with "
+    "--instrument-uncertainty",
 }
+"""Why a number is blank."""
+STATE: tuple[Missing, ...] = ("not_stated", "not_declared", "no_approach")
+"""Reasons of what is blank until the user states what is known without a measurement."""
 STATED = {
-    "unknown": "The diagnosis found structure that no known effect explains. It counts as unexplained, and may be larger "
-    "elsewhere.",
-    "ambiguous": "The diagnosis leaves open which of several effects acts. They differ under conditions that were not "
-    "recorded.",
+    "unknown": "The diagnosis found errors that no known effect explains. They count as unexplained, and can be larger at "
+    "other poses.",
+    "ambiguous": "The diagnosis does not decide between several effects. Under conditions that were not recorded, their "
+    "errors differ.",
     "no": "The instrument's noise was not declared, and no repeated visits show it. All residuals count as errors of the "
     "machine.",
 }
 """What a certificate states of the diagnosis, by its verdict, and of the noise, by how it is known."""
 ROWS = {
-    "geometry": "geometry, its posterior",
-    "effects": "effects, their posterior",
-    "correlation": "correlation of geometry and effects",
+    "model": "geometry and effects of the model",
     "frame": "pose of the instrument's frame",
     "repeatability": "repeatability of the actuators",
     "unexplained": "unexplained by the model",
     "instrument": "systematic error of the instrument",
 }
 HOW = {
-    "geometry": "covariance of the fit: the noise of the readings, and the tolerances where the poses say nothing",
-    "effects": "covariance of the joint fit",
-    "correlation": "2 J_g Σ_ge J_e' (JCGM 100, 5.2); a negative value lessens the sum",
+    "model": "joint covariance of the fit: the noise of the readings, and the tolerances where the poses determine nothing",
     "frame": "least squares over the measured poses, given the other unknowns",
-    "repeatability": "maximum likelihood from repeated visits, at most the excess of all errors",
-    "unexplained": "excess of the errors of the corrected machine over noise and the other contributions, with its own doubt",
-    "instrument": "stated by the user",
+    "repeatability": "maximum likelihood from repeated visits, limited by the size of all errors beyond noise",
+    "unexplained": "errors of the corrected machine beyond noise and the other contributions, enlarged for their own "
+    "uncertainty",
+    "instrument": "as stated",
 }
 BASES = {
     "left_out": "The model was identified from these poses. Errors of the corrected machine are those at poses that were left "
     "out of the fit in turn.",
-    "new": "The model was identified before. These poses are new to it.",
-    "fitted": "The model was fitted to these very poses. Residuals are smaller than errors; the budget allows for that.",
+    "new": "The model was identified from other poses than these.",
+    "fitted": "The model was fitted to these poses. Residuals are smaller than errors at other poses, so that the budget has "
+    "the errors at poses that are left out of the fit.",
 }

@@ -88,7 +88,7 @@ def history_page(entries: Sequence[Entry]) -> str:
         Section("checks", "Checks, the last first", [Table(head, rows, (3, 4, 5))]),
     ]
     lead = Lead(f"Checks over time · {last.robot}", told)
-    return report(f"{last.robot}: checks", lead, sections, contents=False)
+    return report(f"{last.robot}: checks", lead, sections)
 
 
 def history_drawing(entries: Sequence[Entry]) -> Drawing:

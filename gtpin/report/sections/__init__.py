@@ -7,7 +7,6 @@ can't be distinguished, 100 what could not be tested, 110 parameters, 120 what t
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -32,16 +31,25 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Reported:
-    """What a page is made from: a calibration; or a diagnosis, and the calibration of the geometry alone."""
+class FitPresentation(PagePresentation):
+    """A calibration or a diagnosis, and what its sections and figures are made from."""
 
-    calibration: Calibration
-    diagnosis: Diagnosis | None = None
+    result: Calibration | Diagnosis
+
+    @property
+    def diagnosis(self) -> Diagnosis | None:
+        """The diagnosis; None for a calibration."""
+        return self.result if isinstance(self.result, Diagnosis) else None
+
+    @property
+    def calibration(self) -> Calibration:
+        """The calibration of the geometry alone."""
+        return self.result.baseline if isinstance(self.result, Diagnosis) else self.result
 
     @cached_property
     def dataset(self) -> Dataset:
         """The data; for readings, the positions are those of the nominal TCP."""
-        return with_positions((self.diagnosis or self.calibration).dataset, self.calibration.model.robot)
+        return with_positions(self.result.dataset, self.calibration.model.robot)
 
     @cached_property
     def residuals(self) -> Residuals:
@@ -78,42 +86,32 @@ class Reported:
         effects = () if self.diagnosis is None else self.diagnosis.model.effects
         return {(active.effect.id, active.site): curves(active, self.residuals) for active in effects}
 
-
-class FitPresentation(PagePresentation):
-    """What calibrations and diagnoses have in common."""
-
-    @property
-    @abstractmethod
-    def reported(self) -> Reported:
-        """What page and figures are made from."""
-
     @cached_property
     def sections(self) -> Sequence[Section]:
         """The sections of the page."""
-        return sections(self.reported)
+        return sections(self)
 
-    def residuals(self, against: str, component: str | None, *, after: bool = False) -> Figure:
+    def against(self, column: str, component: str | None, *, after: bool = False) -> Figure:
         """Residuals against a column, with the causes' prediction."""
-        r = self.reported
-        component = component or r.first_component()
-        return residual_figure(r.residuals, against, component, causes=r.causes, after=after)
+        component = component or self.first_component()
+        return residual_figure(self.residuals, column, component, causes=self.causes, after=after)
 
     def ball_bar(self, circle: int) -> Figure:
         """Deviations of the radius along a circle."""
-        return ball_bar_figure(self.reported.residuals, circle, self.reported.causes)
+        return ball_bar_figure(self.residuals, circle, self.causes)
 
     def workspace(self, view: str, *, after: bool = False) -> Figure:
         """Position residuals, or errors of readings, over the workspace."""
-        return workspace_figure(self.reported.residuals, view, after=after)
+        return workspace_figure(self.residuals, view, after=after)
 
 
-Make = Callable[[Reported], Section | None]
+Make = Callable[[FitPresentation], Section | None]
 """Makes a section; None where the page has none."""
 _SECTIONS: list[tuple[float, Make]] = []
 
 
 def section(place: float) -> Callable[[Make], Make]:
-    """Mark a function that makes a section; sections stand in the order of their places."""
+    """Mark a function that makes a section; sections are in the order of their places."""
 
     def marked(make: Make) -> Make:
         _SECTIONS.append((place, make))
@@ -122,7 +120,7 @@ def section(place: float) -> Callable[[Make], Make]:
     return marked
 
 
-def sections(reported: Reported) -> list[Section]:
+def sections(reported: FitPresentation) -> list[Section]:
     """All sections of a page, in their order."""
     for module in iter_modules(__path__):
         import_module(f"{__name__}.{module.name}")

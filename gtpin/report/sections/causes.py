@@ -4,44 +4,52 @@ from __future__ import annotations
 
 import inspect
 import re
+from collections.abc import Mapping, Sequence
 
 from markupsafe import Markup, escape
 
+from gtpin.diagnosis.result import Findings
 from gtpin.effects.effect import Effect
-from gtpin.report.effect_curves import curve_notes, curve_plots, reach
+from gtpin.report.effect_curves import EffectCurve, curve_notes, curve_plots, reach
 from gtpin.report.next_experiment import experiment_notes
 from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Plots, Section, Table
-from gtpin.report.phrases import clause, explained_part, named, of_robot, others, parameter, sentence
-from gtpin.report.sections import Reported, section
+from gtpin.report.phrases import clause, explained_part, named, of_robot, others, parameter_rows, sentence
+from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import capital, chance
 from gtpin.robot.chain import Chain
 
 
 @section(20)
-def the_causes(r: Reported) -> Section | None:
+def the_causes(r: FitPresentation) -> Section | None:
     """Each cause with its parameters, what they mean, and its curves."""
     d = r.diagnosis
     if d is None or not d.causes:
         return None
+    return Section("causes", "The causes", causes_of(d, r.curves))
+
+
+def causes_of(found: Findings, curves: Mapping[tuple[str, str], Sequence[EffectCurve]]) -> list[Block]:
+    """Each cause of a diagnosis, or change of a check, with its parameters and what they mean; ``curves``: of each, by effect
+    and site."""
     content: list[Block] = []
-    given = ", given the other causes" if len(d.causes) > 1 else ""
-    for k, c in enumerate(d.causes):
-        effect, found = d.effect(c.effect), r.curves.get((c.effect, c.site), ())
-        rows = [parameter(name, e.value, e.unit, e.sigma) for name, e in c.parameters.items()]
+    given = ", given the others" if len(found.causes) > 1 else ""
+    for k, c in enumerate(found.causes):
+        effect, drawn = found.effect(c.effect), curves.get((c.effect, c.site), ())
         words = (
-            f"{sentence(clause(effect, c.site, d.model.robot))} Its name in files and for --exclude: {c.effect}@{c.site}. "
+            f"{sentence(clause(effect, c.site, found.model.robot))} Its name in files and for --exclude: {c.effect}@{c.site}. "
             f"Probability {chance(c.probability)}."
         )
-        if part := explained_part(d, c):
-            words += f" It explains of the gap{given}: {part}."
-        if far := reach(found):
+        if part := explained_part(found, c):
+            words += f" It explains of the error beyond noise{given}: {part}."
+        if far := reach(drawn):
             words += f" {capital(far)}."
-        content += [Heading(named(effect, c.site)), words, Table(("parameter", "value"), rows)]
-        if paragraphs := meaning(effect, d.model.robot):
+        table = Table(("parameter", "value", "95 % from", "to"), parameter_rows(c), (2, 3))
+        content += [Heading(named(effect, c.site)), words, table]
+        if paragraphs := meaning(effect, found.model.robot):
             content.append(Fold("What they mean", paragraphs))
-        if found:
-            content += [Plots(curve_plots(f"cause-{k + 1}", found)), *curve_notes(found)]
-    return Section("causes", "The causes", content)
+        if drawn:
+            content += [Plots(curve_plots(f"cause-{k + 1}", drawn)), *curve_notes(drawn)]
+    return content
 
 
 def meaning(effect: Effect, robot: Chain) -> tuple[Markup, ...]:
@@ -63,7 +71,7 @@ def _marked(text: str) -> Markup:
 
 
 @section(90)
-def what_can_t_be_distinguished(r: Reported) -> Section | None:
+def what_can_t_be_distinguished(r: FitPresentation) -> Section | None:
     """Classes of causes that can't be distinguished, and what to measure next."""
     if (d := r.diagnosis) is None:
         return None

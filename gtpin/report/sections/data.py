@@ -15,7 +15,7 @@ from gtpin.report.calibration_text import cannot_judge, noise_of_drives, noise_w
 from gtpin.report.diagnosis_json import gap_method
 from gtpin.report.page import Block, Fold, Heading, Section, Table
 from gtpin.report.residuals import columns_of
-from gtpin.report.sections import Reported, section
+from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import counted, covariate_unit, joined, length, quantity, whole, with_unit
 
 ALIKE = 0.02
@@ -23,10 +23,11 @@ ALIKE = 0.02
 
 
 @section(130)
-def data(r: Reported) -> Section:
+def data(r: FitPresentation) -> Section:
     """Facts about the data, the poses that were set aside, and ranges; of a diagnosis, how its gap is computed."""
     c, d = r.calibration, r.diagnosis
-    judged = cannot_judge(c) or f"1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
+    why = cannot_judge(c)
+    judged = f"it can't judge the fit: {why}" if why else f"1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
     fit = (
         f"Chi-square per degree of freedom of geometry alone: {c.chi2_per_dof:.2f} ({judged}); degrees of freedom "
         f"{c.dof:.1f}, iterations {c.iterations}. Errors on the fitted poses, RMS: {joined(_fitted(c))}."
@@ -99,7 +100,7 @@ def _set_aside(dataset: Dataset, c: Calibration, aside: Collection[int]) -> Tabl
     return Table(("pose", "line", "off by"), cells, (1, 2))
 
 
-def _ranges(r: Reported) -> Table:
+def _ranges(r: FitPresentation) -> Table:
     rows = []
     for name, values in columns_of(r.dataset).items():
         if name == "session":

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from gtpin.data.names import command_names
+from gtpin.diagnosis.result import Findings
 from gtpin.report.page import Bar, Bars, Block, Fold, Plots, Section, Table
 from gtpin.report.phrases import named, reason_words
 from gtpin.report.residual_plots import over_two
-from gtpin.report.sections import Reported, section
+from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import coordinate_words, counted, joined, percent, short, site_words, typeset, whole
 
 CHANCE = 0.01
-"""Smallest p-value at which noise alone explains what is left."""
+"""Smallest p-value at which noise alone explains the residuals."""
 LEAST = 0.01
 """Smallest share that has a bar."""
 SHOWN = 12
@@ -20,7 +21,7 @@ SHOWN = 12
 
 
 @section(10)
-def where_it_lies(r: Reported) -> Section | None:
+def where_it_lies(r: FitPresentation) -> Section | None:
     """Shares by site, rod, axis, coordinate and region, as far as they exist."""
     if r.diagnosis is None:
         return None
@@ -56,7 +57,7 @@ def _bars(shares: Mapping[str, float], words: Callable[[float], str] = lambda _:
 
 
 @section(30)
-def what_is_left(r: Reported) -> Section | None:
+def what_is_left(r: FitPresentation) -> Section | None:
     """What is left unexplained, and the coordinates with which it correlates, if it is more than noise."""
     if r.diagnosis is None:
         return None
@@ -86,43 +87,51 @@ def _rare(p_value: float) -> str:
 
 
 @section(80)
-def evidence(r: Reported) -> Section | None:
-    """Gain in log evidence of geometry with each single candidate over geometry alone: bars and a table."""
+def evidence(r: FitPresentation) -> Section | None:
+    """The evidence of each candidate of a diagnosis."""
     if (d := r.diagnosis) is None:
         return None
-    causes = {(c.effect, c.site) for c in d.causes}
-    tested = sorted((c for c in d.candidates if c.testable), key=lambda c: -c.log_evidence)
+    words = [
+        "Gain in log evidence of geometry with one candidate over geometry alone: a gain of 5 is a Bayes factor of 150, one of "
+        f"10 of 22000. {counted(sum(c.testable for c in d.candidates), 'candidate')} were tested."
+    ]
+    if d.verdict == "unknown":
+        words.append(
+            "A large gain alone does not prove a cause: smooth terms explain these data better than every effect, so that a "
+            "candidate may only resemble the true cause."
+        )
+    return evidence_of(d, words)
+
+
+def evidence_of(found: Findings, words: Sequence[Block]) -> Section:
+    """Gain in log evidence of each single candidate, below ``words``: bars of the largest, and a table of the others."""
+    causes = {(c.effect, c.site) for c in found.causes}
+    tested = sorted((c for c in found.candidates if c.testable), key=lambda c: -c.log_evidence)
     top = max([c.log_evidence for c in tested], default=0.0)
-    gains = [(named(d.effect(c.effect), c.site), whole(f"{c.log_evidence:.1f}")) for c in tested]
+    gains = [(named(found.effect(c.effect), c.site), whole(f"{c.log_evidence:.1f}")) for c in tested]
     bars = [
         Bar(name, max(c.log_evidence, 0.0) / top if top > 0.0 else 0.0, gain, (c.effect, c.site) in causes)
         for c, (name, gain) in zip(tested[:SHOWN], gains, strict=False)
     ]
-    content: list[Block] = [
-        "Gain in log evidence of geometry with one candidate over geometry alone: a gain of 5 is a Bayes factor of 150, one of "
-        f"10 of 22000. {counted(len(tested), 'candidate')} were tested."
-    ]
-    if d.verdict == "unknown":
-        content.append(
-            "A large gain alone does not prove a cause: smooth terms explain these data better than every effect, so that a "
-            "candidate may only resemble the true cause."
-        )
-    content.append(Bars(bars))
+    content: list[Block] = [*words, Bars(bars)]
     if rest := gains[SHOWN:]:
         content.append(Fold("The other candidates", [Table(("candidate", "gain in log evidence"), rest, (1,))]))
     return Section("evidence", "Evidence", content)
 
 
 @section(100)
-def what_could_not_be_tested(r: Reported) -> Section | None:
+def what_could_not_be_tested(r: FitPresentation) -> Section | None:
+    """Effects that could not be tested by a diagnosis."""
+    return None if r.diagnosis is None else untestable_of(r.diagnosis)
+
+
+def untestable_of(found: Findings) -> Section:
     """Effects that could not be tested, with the reason."""
-    if r.diagnosis is None:
-        return None
     reasons: dict[tuple[str, str], list[str]] = {}
-    for c in r.diagnosis.candidates:
+    for c in found.candidates:
         if not c.testable:
             reasons.setdefault((c.effect, reason_words(c.reason, c.site)), []).append(site_words(c.site))
-    rows = [[r.diagnosis.effect(effect).title, joined(sites), why] for (effect, why), sites in reasons.items()]
+    rows = [[found.effect(effect).title, joined(sites), why] for (effect, why), sites in reasons.items()]
     content: list[Block] = ["Every effect of the catalogue could be tested."]
     if rows:
         content = [

@@ -6,12 +6,12 @@ import numpy as np
 
 from gtpin.calibration.result import Calibration
 from gtpin.model.departures import departures
-from gtpin.model.dh import DhParameter, controller_table
+from gtpin.model.dh import DhParameter, chain_of, controller_table
 from gtpin.model.model import Model
 from gtpin.report.calibration_text import SHOWN, grouped
-from gtpin.report.geometry import all_departures
+from gtpin.report.geometry import all_departures, departures_of, zero_size
 from gtpin.report.page import Block, Fold, Heading, Section, Table
-from gtpin.report.sections import Reported, section
+from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import percent, quantity, whole
 
 STEADY = 1e-3
@@ -19,12 +19,12 @@ STEADY = 1e-3
 
 
 @section(110)
-def parameters(r: Reported) -> Section:
+def parameters(r: FitPresentation) -> Section:
     """The departures of the geometry from nominal, the controller's table of a serial arm, and all parameters; of a diagnosis
     without and with the causes."""
     c, d = r.calibration, r.diagnosis
     model = c.model if d is None else d.model
-    found = departures(model, r.dataset.q)
+    found = departures(model, r.dataset.q) if d is None else departures_of(d)
     content: list[Block] = []
     if found:
         words = (
@@ -34,7 +34,7 @@ def parameters(r: Reported) -> Section:
         content = [words, Fold(f"All {len(found)} departures", [all_departures(found)])]
     # What is not explained moves the parameters by more than their sigmas.
     explained = c.explained if d is None else d.verdict != "unknown"
-    content += zero_blocks(c) if model.robot.rods else controller_blocks(model) if explained else []
+    content += zero_blocks(c) if not chain_of(model.robot) else controller_blocks(model) if explained else []
     words = "Variance reduction: 1 − (sigma / tolerance)²; at 0 % the data give no information beyond the tolerance."
     every = parameter_table(c, model if d is not None and d.causes else None)
     content += [Heading("Parameters of the fit"), words, Fold(f"All {len(every.rows)} parameters", [every])]
@@ -65,21 +65,23 @@ def controller_blocks(model: Model) -> list[Block]:
     """The table of a serial arm with what to add to it; empty for other robots."""
     rows = [[p.site, p.name, _to_add(p), whole(f"{p.nominal:z.6f} {p.unit}")] for p in controller_table(model)]
     words = (
-        "What to add to the parameters of the controller; theta is the zero of a joint. They belong together; one that is not "
-        "determined stays near nominal. Where the controller's a and alpha have the other sign, so have what is added to them."
+        "What to add to the parameters of the controller; theta is the zero of a joint. Use all of them together: a parameter "
+        "that is not determined stays near nominal. If a or alpha has the opposite sign in the controller, add the opposite."
     )
     if model.geometry.target is not None:
         words += (
-            " The tool stays as it is: the place of the target on it was unknown, and the data say nothing of the tool."
+            " The tool stays as it is: the data do not determine it, because the place of the target on it was unknown."
         )
     table = Table(("joint", "parameter", "to add", "nominal"), rows, (2, 3))
     return [Heading("The controller's table (Denavit-Hartenberg)"), words, table] if rows else []
 
 
 def zero_blocks(c: Calibration) -> list[Block]:
-    """The zeros of the drives of a robot with rods; empty for other robots."""
-    rows = [[z.site, quantity(z.value, z.unit, z.sigma)] for z in c.zeros]
-    words = "A zero that is off moves all that its drive carries: what the joints on a drive have in common, as a shift of it."
+    """The zeros of the drives of a robot with loops; empty where there are none."""
+    rows = [[z.site, zero_size(z.value, z.unit, z.sigma)] for z in c.zeros]
+    words = (
+        "A wrong zero displaces all that its drive carries: the common part of these displacements, as a shift of it."
+    )
     table = Table(("drive", "shift of its zero"), rows, (1,))
     return [Heading("Equivalent zeros of the drives"), words, table] if rows else []
 
@@ -87,12 +89,12 @@ def zero_blocks(c: Calibration) -> list[Block]:
 def _to_add(p: DhParameter) -> str:
     if not p.determined and not abs(p.correction) > STEADY * p.sigma:
         return "not determined"
-    return quantity(p.correction, p.unit, p.sigma) + ("" if p.determined else " (hardly determined)")
+    return quantity(p.correction, p.unit, p.sigma) + ("" if p.determined else " (not well determined)")
 
 
 @section(120)
-def what_the_data_can_t_see(r: Reported) -> Section | None:
-    """Directions that the data of a calibration hardly show, and the strongest correlations."""
+def what_the_data_can_t_see(r: FitPresentation) -> Section | None:
+    """Directions that the data of a calibration do not determine, and the strongest correlations."""
     if r.diagnosis is not None:
         return None
     c, rows = r.calibration, []
@@ -102,7 +104,7 @@ def what_the_data_can_t_see(r: Reported) -> Section | None:
     content: list[Block] = ["The data determine every direction of the geometry."]
     if rows:
         content = [
-            "Directions of the geometry that these data hardly determine. Their values are the prior means, and change no "
+            "Directions of the geometry that these data do not determine. Their values are the prior means, and change no "
             "prediction near the measured poses.",
             *grouped(c.words, c.remedies),
             Table(("direction, weights in tolerances", "variance reduction"), rows, (1,)),

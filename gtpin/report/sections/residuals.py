@@ -10,7 +10,7 @@ from gtpin.report.ball_bar_plot import circular_tests
 from gtpin.report.maps import MapScale, maps
 from gtpin.report.page import Block, Heading, Plots, Section, Table
 from gtpin.report.residual_plots import against_columns, selection
-from gtpin.report.sections import Reported, section
+from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import quantity, whole
 
 CIRCLES = (
@@ -18,13 +18,13 @@ CIRCLES = (
     "circular deviation G is the range of the deviations of one direction, the bidirectional G(b) that of both "
     "together; F are the radial deviations, least to largest, positive away from the centre. Counterclockwise goes "
     "from the plane's first axis to its second (XY: from X to Y). As measured: about the least-squares circle of both "
-    "directions. Left by geometry: measured less predicted, without another centring. The grey circle is no "
+    "directions. Left by geometry: measured less predicted, without another centring. The grey circle is zero "
     "deviation. Blue: counterclockwise; orange: clockwise."
 )
 
 
 @section(40)
-def instruments(r: Reported) -> Section | None:
+def instruments(r: FitPresentation) -> Section | None:
     """Errors of each instrument's readings, and what was identified of the instruments; None for one tracker."""
     c, d = r.calibration, r.diagnosis
     if d is None:
@@ -53,7 +53,7 @@ def _errors(one: InstrumentFit | InstrumentGap) -> list[str]:
 
 
 @section(50)
-def circles(r: Reported) -> Section | None:
+def circles(r: FitPresentation) -> Section | None:
     """The circular tests with their plots; None where nothing lies on circles."""
     tests = circular_tests(r.residuals, r.causes)
     if not tests:
@@ -65,12 +65,12 @@ def circles(r: Reported) -> Section | None:
 
 
 @section(60)
-def over_the_workspace(r: Reported) -> Section:
+def over_the_workspace(r: FitPresentation) -> Section:
     """Residuals over the workspace, without and with the causes."""
     scale = MapScale.of(r.residuals)
     plots, choices = maps(r.residuals, scale, r.layers)
     words = (
-        "Where the TCP was at each reading, coloured by the size of what is left of the reading, in sigmas of its noise. "
+        "The position of the TCP at each reading, coloured by the size of the reading's residual in sigmas of its noise. "
         f"{selection(r.residuals)}"
     )
     if r.residuals.of_poses:
@@ -82,7 +82,7 @@ def over_the_workspace(r: Reported) -> Section:
 
 
 @section(70)
-def against_what_was_recorded(r: Reported) -> Section:
+def against_what_was_recorded(r: FitPresentation) -> Section:
     """Residuals against each recorded column."""
     views, component = r.components
     share = {} if r.diagnosis is None else r.diagnosis.where.covariate
