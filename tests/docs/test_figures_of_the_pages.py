@@ -50,8 +50,6 @@ WORDS = {3: "three", 4: "four", 5: "five"}
 P = priors.PRIORS
 CONSTANTS = {
     "diagnosis": (
-        f"by more than {100 * P.departure:g} % of the gain in log evidence of the smooth terms",
-        f"({100 * P.modulation:g} % where they act at the site of a named cause",
         f"at least {100 * priors.CLASS_SHARE:g} % of the leader's probability belongs to the class",
         f"each with a probability of {100 * priors.SURE:g} % or more",
         f"(glossary.md#probability-temperature) of {P.temperature:g} or more",
@@ -59,7 +57,7 @@ CONSTANTS = {
         f"{100 * P.related:g} % for related hypotheses",
         f"or both depend on load), {100 * P.other:g} % for all others",
         f"With more than {noise.MOST_POSES:,} poses, the search uses",
-        f"no form of their own: there, odds of {np.exp(P.same_clock):.0f} to 1",
+        f"no form of its own: there, odds of {np.exp(P.same_clock):.0f} to 1",
         f"gain: below {splitting.NONE_EXPECTED:g} nats, only",
         f"below {100 * PROMISED:g} %, how many rounds",
         f"with {SIMULATED} simulated",
@@ -68,7 +66,10 @@ CONSTANTS = {
         f"`--false-alarm` (default {FALSE_ALARM:g})",
         f"a smooth function has parts with up to {SLOWEST_LINE:g} periods a turn",
         f"at least {LEAST_TURNS:g} periods in the joint's range of commands where the joint has no",
-        f"must gain more than {P.line:g} nats (`line`",
+        f"without a cause {P.silent:g} times the noise floor on left-out poses, or {P.excess:g} times the noise in the",
+        f"with causes {100 * P.core_leaves:g} % of the gap",
+        f"per degree of freedom exceeds {P.misfit:g}, the noise",
+        f"by a factor of {P.understated:g} (without eight repeated visits: the residuals alone, by {P.understated_once:g})",
         f"{t.ppf(0.975, 1) * 1.5**0.5:.0f} standard deviations wide to either side",
     ),
     "report": (f"each has a probability of {100 * priors.SURE:g} % or more",),
