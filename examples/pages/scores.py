@@ -173,12 +173,12 @@ def share(good: int, of: int) -> str:
 
 PLANTED = {
     "named": "planted and listed: in a class",
-    "sure": "the leader of it, 0.9 or more",
+    "sure": "planted and listed: leads its class with 0.9 or more",
     "again": "named: again with half of the poses",
     "unknown": "planted and unlisted: verdict `unknown`",
     "silent": "no other new cause of 0.9 or more",
     "elsewhere": "no other new cause of 0.9 or more at another site",
-    "kept": "named before with 0.9 or more: still in a class",
+    "kept": "certain (0.9) before the planting: still in a class",
 }
 """What is counted of causes that were planted in measured data."""
 BACKGROUNDS = {"stewart": "Stewart", "ur10": "UR10", "ur5": "UR5", "wam": "WAM", "panda_3": "Panda"}
