@@ -16,6 +16,7 @@ from gtpin.diagnosis.trials import SESSIONS
 from gtpin.effects.rack import LEAST_TURNS
 from gtpin.effects.smooth import SLOWEST_LINE
 from gtpin.report import residual_plots
+from gtpin.report.geometry import CLEAR
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "examples" / "pages"))
@@ -74,7 +75,10 @@ CONSTANTS = {
         f"by a factor of {P.understated:g} (without eight repeated visits: the residuals alone, by {P.understated_once:g})",
         f"{t.ppf(0.975, 1) * 1.5**0.5:.0f} standard deviations wide to either side",
     ),
-    "report": (f"each has a probability of {100 * priors.SURE:g} % or more",),
+    "report": (
+        f"each has a probability of {100 * priors.SURE:g} % or more",
+        f"differ most from nominal (by more than {WORDS[int(CLEAR)]} sigmas)",
+    ),
     "speed": (f"Plots show at most {residual_plots.MOST:,} poses",),
     "statistics": (
         f"out of {len(evidence.SCALES)} between {evidence.SCALES[0]:.2g} and {evidence.SCALES[-1]:g}",
