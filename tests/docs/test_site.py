@@ -65,6 +65,28 @@ def test_every_effect_s_docstring_is_in_its_section(built: Path) -> None:
     ] == []
 
 
+def plain(markup: str) -> str:
+    """Text of HTML without spaces and with one kind of quotes."""
+    return re.sub(r"\s", "", html.unescape(re.sub(r"<[^>]+>", "", markup))).replace("'", '"')
+
+
+def test_each_parameter_has_the_type_that_its_signature_gives(built: Path) -> None:
+    object_ = (
+        r'class="doc-signature highlight"><pre><span></span><code>(.*?)</code></pre>(.*?)(?=class="doc-signature|\Z)'
+    )
+    row = r'<tr class="doc-section-item">\s*<td>(.*?)</td>\s*<td>(.*?)</td>'
+    checked, wrong = 0, []
+    for page in (built / "reference").glob("*.html"):
+        for signature, body in re.findall(object_, page.read_text(encoding="utf-8"), re.DOTALL):
+            for table in re.findall(r'title">Parameters:</span></p>\s*<table>(.*?)</table>', body, re.DOTALL):
+                for name, kind in (map(plain, cells) for cells in re.findall(row, table, re.DOTALL)):
+                    checked += 1
+                    found = re.search(rf"[(,*]{name.lstrip('*')}:{re.escape(kind)}", plain(signature))
+                    wrong += [] if found else [(page.name, name, kind)]
+    assert checked > 100
+    assert wrong == []
+
+
 def test_no_role_of_restructuredtext_is_left_in_the_pages(built: Path) -> None:
     role = re.compile(r":(?:class|func|meth|attr|mod|data|exc|obj|ref|doc|term|py:\w+):")
     assert [page.name for page in built.rglob("*.html") if role.search(page.read_text(encoding="utf-8"))] == []
