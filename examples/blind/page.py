@@ -1,10 +1,9 @@
-# ruff: noqa: E501 (a page of prose)
-"""Makes docs/blind.md and its tables in docs/figures from a check's results, and adds a full run to the log of all of them.
+"""Keeps the scores of a finished blind check for docs/blind.md, and adds a full run to the log of all of them.
 
-python examples/blind/page.py docs                   # the page without a run
-python examples/blind/page.py docs DIR               # with the check in DIR
+python examples/blind/page.py docs DIR               # of the check in DIR
 
-Writes docs/figures/blind.json too, from which other pages take their sealed scores (``examples/pages/refresh.py``).
+Writes ``blind.json`` in docs/figures, from which pages take their sealed scores, and tables as CSV beside it. Then
+``python examples/pages/refresh.py`` writes the pages.
 """
 
 from __future__ import annotations
@@ -18,14 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from gtpin.bench.blind.judged import Judged
-from gtpin.bench.blind.page import (
-    baseline_table,
-    effect_table,
-    failure_table,
-    figure_table,
-    headline,
-    reliability_table,
-)
+from gtpin.bench.blind.page import effect_table, failure_table, headline, reliability_table
 from gtpin.report.page import Table
 
 FULL = 1000
@@ -36,54 +28,16 @@ FAILURES = "figures/blind_failures.csv"
 EFFECTS = "figures/blind_effects.csv"
 PROBABILITIES = "figures/blind_probabilities.csv"
 POWER = "figures/blind_power.csv"
-PROSE = ("introduction.md", "pairs.md", "forms.md", "machines.md")
-"""What the page begins with; ``examples/pages/refresh.py`` fills in the figures."""
 KEPT = ("cases", "check", "failures", "figures")
 """Of ``score.json``, what other pages need; with it goes which single effects were named right, and nothing else."""
-LOG_HEAD = """| date | command | plant | diagnosis | manifest | reached | strict, D > 63 | class, E > 63 | false alarms | failed |
+LOG_HEAD = """\
+| date | command | plant | diagnosis | manifest | reached | strict, D > 63 | class, E > 63 | false alarms | failed |
 |---|---|---|---|---|---|---|---|---|---|
 """
-RUNS = """
-## All full runs
-
-Every run of at least 1,000 cases, the bad ones too, the latest last.
-
-<!-- figures: blind_runs -->
-<!-- end of figures -->
-"""
-
-
-def page(folder: Path | None) -> str:
-    """The page, with the results of a check where there is one."""
-    text = "".join((Path(__file__).parent / name).read_text(encoding="utf-8") for name in PROSE)
-    if folder is None:
-        return f"{text}\n## The latest full run\n\nNone has been made yet.\n{RUNS}"
-    result, _ = _read(folder)
-    about = result["check"]
-    full = "The latest full run" if result["cases"] >= FULL else f"A run of {result['cases']} cases (not a full one)"
-    parts = [
-        text,
-        f"## {full}\n",
-        f"`{_command(about)}`: {headline(result)}.\n",
-        f"Plant `{about['plant']}`, sources of the diagnosis `{about['diagnosis']}`, manifest of the sealed truths `{about['manifest']}`."
-        f" All figures: [{RECORD}]({RECORD}). Every failure, with its reason: [{FAILURES}]({FAILURES}). Scores [by effect]({EFFECTS}), [by stated probability]({PROBABILITIES}),"
-        f" and by energy and number of poses, beside a matched filter that knows the effect's form and sign: [power]({POWER}).\n",
-        _markdown(with_target(figure_table(result))),
-        "### Methods for comparison\n",
-        _markdown(baseline_table(result)),
-        RUNS.lstrip("\n"),
-    ]
-    return "\n".join(parts)
-
-
-def with_target(table: Table) -> Table:
-    """The rows of figures that have a target; docs/figures/blind.json has all."""
-    target = list(table.head).index("target")
-    return Table(table.head, [row for row in table.rows if row[target]])
 
 
 def files(folder: Path) -> dict[str, str]:
-    """The tables of a check that are files beside the page, as CSV: every failure, and scores by effect, probability, energy."""
+    """The tables of a check that are files beside the page: every failure, and scores by effect, probability, energy."""
     result, cases = _read(folder)
     tables = {
         FAILURES: failure_table(cases),
@@ -132,13 +86,6 @@ def _command(about: dict[str, Any]) -> str:
     return f"gtpin blind -o DIR --cases {about['cases']} --seed {about['seed']}"
 
 
-def _markdown(table: Table) -> str:
-    if not table.rows:
-        return "None.\n"
-    lines = [table.head, ["---"] * len(table.head), *table.rows]
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"
-
-
 def _power(told: list[dict[str, Any]]) -> Table:
     rows = []
     for row in told:
@@ -149,16 +96,12 @@ def _power(told: list[dict[str, Any]]) -> Table:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit("give the folder of the pages: python page.py docs [DIR]")
-    docs, run = Path(sys.argv[1]), Path(sys.argv[2]) if len(sys.argv) > 2 else None
-    (docs / "blind.md").write_text(page(run), encoding="utf-8")
-    if run is not None:
-        result, cases = _read(run)
-        kept = {key: result[key] for key in KEPT} | {"right": {c.name: c.strict for c in cases if c.kind == "one"}}
-        (docs / RECORD).write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
-        for name, text in files(run).items():
-            (docs / name).write_text(text, encoding="utf-8")
-        logged(docs / LOG, run, datetime.datetime.now(datetime.UTC).date())
-    elif not (docs / LOG).exists():
-        (docs / LOG).write_text(LOG_HEAD, encoding="utf-8")
+    if len(sys.argv) < 3:
+        sys.exit("give the folder of the pages and that of a check: python page.py docs DIR")
+    docs, run = Path(sys.argv[1]), Path(sys.argv[2])
+    result, cases = _read(run)
+    kept = {key: result[key] for key in KEPT} | {"right": {c.name: c.strict for c in cases if c.kind == "one"}}
+    (docs / RECORD).write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    for name, text in files(run).items():
+        (docs / name).write_text(text, encoding="utf-8")
+    logged(docs / LOG, run, datetime.datetime.now(datetime.UTC).date())

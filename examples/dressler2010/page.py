@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -35,19 +36,19 @@ from gtpin.comparison.compare import compare
 DRAWS = 24
 """Draws of the twin's errors, seeds 0 to 23; the default seed, 2010, is one more and was not chosen."""
 
+TABLE3_FILE = "figures/paper_table3.md"
+
 INTRODUCTION = """# The paper, reproduced
 
-Dressler, Brogårdh and Robertsson, *A Kinematic Error Model for a Parallel Gantry-Tau Manipulator*, ICRA 2010, compared with what gtpin computes. `python examples/dressler2010/page.py docs/paper.md figures/` makes the page again, and figures like the paper's figures 4, 5, 6, 8, 9 and 10. The tests in `tests/paper` check the numbers.
+Dressler, Brogårdh and Robertsson, *A Kinematic Error Model for a Parallel Gantry-Tau Manipulator*, ICRA 2010, compared with what gtpin computes. `python examples/dressler2010/page.py docs/paper.md figures/` makes the page again, and figures like the paper's; `tests/paper` checks the numbers.
 
-*Printed*: from the paper. *Computed*: from the paper's own numbers (Table II) and gtpin's kinematics. *Simulated*: from a virtual machine, the *twin*, in `examples/dressler2010/`. In the tables a cell is: printed / gtpin's number; a standard deviation follows ±. S_pos, S_rot and S_cost are the paper's sums, over all poses, of the change of position, of orientation and of a link's squared closure residual that a small step of one parameter causes.
-
-Only six numbers were fitted to the paper: the limits of the measurement grid, to rows S_pos and S_rot of Table III and the number of poses that the paper kept. The sizes of the twin's errors were chosen by hand, close to Table II's costs by link.
+*Printed*: from the paper. *Computed*: from the paper's own numbers (Table II) and gtpin's kinematics. *Simulated*: from a virtual machine, the *twin*, in `examples/dressler2010/`. In the tables a cell is: printed / gtpin's number; a standard deviation follows ±. Only six numbers were fitted to the paper: the limits of the measurement grid. The sizes of the twin's errors were chosen by hand, close to Table II's costs by link.
 """
 
 GRID = """## The measurement grid, from Table III
 
 The paper does not print the limits of its grid. Centre and half widths of a grid of six layers of 6 x 5 points were fitted to {numbers} numbers of S_pos and S_rot (rows L, P and C of all links, track directions of links 1, 3a, 3b and 3c) and to the {kept} of {of} poses that the paper kept. Relative to the home TCP, along the tracks, across them and upwards: centre ({c[0]:.3f}, {c[1]:.3f}, {c[2]:.3f}) m, half widths
-({h[0]:.3f}, {h[1]:.3f}, {h[2]:.3f}) m. {inside} of its 180 poses lie within the actuator range. The change of orientation is the sum of the absolute changes of the three ZYZ angles.
+({h[0]:.3f}, {h[1]:.3f}, {h[2]:.3f}) m. {inside} of its 180 poses lie within the actuator range.
 """
 
 TABLE1 = """## Table I from Table II
@@ -64,12 +65,12 @@ The ranges of the ZYZ angles of the nominal geometry over the whole grid (comput
 
 TABLE3 = """## Table III
 
-Sums over 61 poses and over both signs of a step of 5e-5 (m, rad, or without unit for track directions), without linearisation, as 61 times the mean over the grid. S_cost is the expectation over Gaussian residuals with the variance of Table II. For 2a and 2b the last rows are the ZYX Euler angles of the transformation between two tracker frames; a joint on cart 2 is at C = t + R m(q), with the measured track m(q), which is not printed, and R m(q) = C - t follows from printed numbers.
+S_pos, S_rot and S_cost are sums over 61 poses, and over both signs of a step of 5e-5 of one parameter (m, rad, or without unit for track directions), of the change of position, of orientation (the sum of the absolute changes of the three ZYZ angles) and of a link's squared closure residual; without linearisation, as 61 times the mean over the grid. S_cost is the expectation over Gaussian residuals with the variance of Table II. The Euler angles (ZYX) are of the transformation between two tracker frames; a joint on cart 2 is at C = t + R m(q), with the measured track m(q), which is not printed, and R m(q) = C - t follows from printed numbers. How far gtpin's numbers are from those printed, which have one or two digits ([all of them](figures/paper_table3.md)):
 """
 
 PEAK = """## Where the error is largest (Fig. 9)
 
-The mean rank of each link's squared closure residual at the pose of a set of 61 where the position error is largest, from 0 (the smallest of the set) to 1 (by chance it would be 0.5; computed). For link 1 it is nearly the largest:
+The mean rank of each link's squared closure residual at the pose, out of 61, with the largest position error, from 0 (smallest) to 1 (computed; by chance 0.5):
 
 {ranks}
 """
@@ -79,11 +80,16 @@ TWIN = """## A twin of the experiment
 The twin simulates the machine, its grid of 176 poses, measured in one direction and back, and the measurements of the carts (`examples/dressler2010/README.md` says what is the paper's and what is assumed). `gtpin compare` fits models 1 to 5 to each half of the {poses} poses within the actuator range and predicts the other half; the paper had 122 such poses. *Grid of Table III*: the same machines at the {recovered} poses of the grid above. One draw of the random errors is shown first (seed 2010), then {draws} (seeds 0 to {last}).
 
 - The errors have the size of Table I, and its order except for models 2 and 3. Of {draws} draws, the mean error of the first model is larger: 1 > 2 in {o[0]}, 2 > 3 in {o[1]}, 3 > 4 in {o[2]}, 4 > 5 in {o[3]}.
-- A measured track reduces the error at cart 2, does not change it at cart 1, and increases it at cart 3, whose target was at link 3c.
+- A measured track reduces the error at cart 2, and increases it at cart 3, whose target was at link 3c.
 - Models 2 and 3: by Table II's costs, the rotation of the plate contributes {asked:.0f} micrometres of rod length to the residual of link 1; by its geometry, {given:.0f}.
 - The mean errors of models 3 to 5 are larger than printed, by {low:.0f} to {high:.0f} % over the draws: errors of the links of one cart are correlated, and the poses are held out.
 - Models 4 and 5 are {gap:.1f} um apart in the mean on the twin's grid and {other_gap:.1f} um on that of Table III, where 4 > 5 in {other} draws. The paper prints 10 um; its own Table II gives {from_table2:.1f} um.
 - Of {fits} comparisons by the pose cost, {aside} set poses aside as gross errors.
+"""
+
+TABLE3_HEAD = """# Table III, number by number
+
+[The paper, reproduced](../paper.md) says what is computed. A cell is: printed / gtpin's number.
 """
 
 DIRECTIONS = """## The norms of the printed track directions
@@ -92,13 +98,13 @@ The directions of Table II, model 3, are not unit vectors. |v| - 1 is
 
 {rows}
 
-In the paper's fit the scale error of the drive became part of the direction. In gtpin it is a separate parameter (`scale[2b]`).
+In the paper's fit the scale error of the drive became part of the direction; in gtpin it is `scale[2b]`.
 """
 
 COSTS = """## The two costs
 
 The paper minimises squared closure residuals, for each link separately (*closure cost*, `examples/dressler2010/paper_closures.py`). The noise of the measured pose, above all of the orientation, then biases the estimated joint positions. gtpin minimises the difference between predicted and measured poses in units of their noise, with the tolerances as priors (*pose cost*). `tests/paper_models` measures the bias with an orientation noise of a
-milliradian: about 0.8 mm in the joints of the plate, with tolerances of 1 mm; with the pose cost none is found. Use the closure cost to compare links with one another, as Table II does, and the pose cost to calibrate.
+milliradian: about 0.8 mm in the joints of the plate, with tolerances of 1 mm; with the pose cost none is found.
 """
 
 
@@ -112,6 +118,23 @@ def block(b: Block) -> str:
         cells = (f"{p:.3g}/{o:.3g}{s}" for p, o, s in zip(printed, ours, about, strict=True))
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
+
+
+def table3(blocks: Sequence[Block]) -> str:
+    """All numbers of Table III, a file of its own."""
+    return "\n".join([TABLE3_HEAD, *map(block, blocks)])
+
+
+def deviations(blocks: Sequence[Block]) -> str:
+    """How far each part of Table III is from the printed one."""
+    lines = ["| | RMS, % | largest, % |", "|---|---|---|"]
+    lines += [f"| {b.name} | {100 * b.rms:.1f} | {100 * b.worst:.1f} |" for b in blocks]
+    return "\n".join(lines) + "\n"
+
+
+def of_table3(model: gtpin.Model, grid: Grid) -> tuple[Block, ...]:
+    """The blocks of Table III."""
+    return (*compare_table3(model, grid), *compare_frame_angles(model, grid))
 
 
 def twin(draws: Draws, from_table2: float) -> str:
@@ -158,7 +181,7 @@ def twin(draws: Draws, from_table2: float) -> str:
 
 def recovered() -> Grid:
     """The grid out of Table III, to the millimetre."""
-    grid = recover_grid(gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau"))))
+    grid = recover_grid(nominal())
     return Grid(grid.center.round(3), grid.half_width.round(3))
 
 
@@ -193,6 +216,11 @@ def peak_section(grid: Grid, model: gtpin.Model) -> str:
     return PEAK.format(ranks="\n".join(lines))
 
 
+def nominal() -> gtpin.Model:
+    """The nominal Gantry-Tau."""
+    return gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
+
+
 def page(draws: Draws, grid: Grid) -> str:
     """The page.
 
@@ -203,7 +231,7 @@ def page(draws: Draws, grid: Grid) -> str:
     grid
         The paper's, as :func:`recovered` gives it.
     """
-    model = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
+    model = nominal()
     excess = dict(zip(tables().links, tables().direction_excess, strict=True))
     rows = ", ".join(f"{link}: {value * 1e4:+.1f}e-4" for link, value in excess.items())
     table1 = compare_table1(model, grid)
@@ -214,7 +242,7 @@ def page(draws: Draws, grid: Grid) -> str:
         ORIENTATION,
         block(compare_orientation(model, grid)),
         TABLE3,
-        *map(block, (*compare_table3(model, grid), *compare_frame_angles(model, grid))),
+        deviations(of_table3(model, grid)),
         peak_section(grid, model),
         twin(draws, table1[0].ours[0, 3] - table1[0].ours[0, 4]),
         DIRECTIONS.format(rows=rows),
@@ -226,7 +254,7 @@ def page(draws: Draws, grid: Grid) -> str:
 def figures(folder: Path) -> None:
     """Figures in the spirit of the paper's: 4, 9 and 10 of Table II's geometry and costs, 5, 6 and 8 of the twin."""
     folder.mkdir(parents=True, exist_ok=True)
-    model = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
+    model = nominal()
     everywhere, poses = RECOVERED.all_commands(model)
     q = everywhere[np.linspace(0, len(everywhere) - 1, tables().measurement.calibration_poses).astype(int)]
     drawn = drawn_measurements(model, q, tables().closure_sigmas(5))
@@ -248,7 +276,9 @@ def figures(folder: Path) -> None:
 
 if __name__ == "__main__":
     written, drawn = Path(sys.argv[1] if len(sys.argv) > 1 else "paper.md"), draw(DRAWS)
-    written.write_text(page(drawn, recovered()), encoding="utf-8")
+    grid = recovered()
+    written.write_text(page(drawn, grid), encoding="utf-8")
+    (written.parent / TABLE3_FILE).write_text(table3(of_table3(nominal(), grid)), encoding="utf-8")
     (written.parent / EVERY).write_text(every_draw(drawn), encoding="utf-8")
     if len(sys.argv) > 2:
         figures(Path(sys.argv[2]))

@@ -74,20 +74,11 @@ def measured(machine: int, error: str, visits: int) -> list[dict[str, object]]:
 
 
 def table(records: pd.DataFrame) -> str:
-    """Rates of alarms by the kind of error and the number of poses."""
-    words = {"smooth": "smooth, in no effect's form", "one joint": "of one joint, a function of its angle"}
-    lines = [
-        "| what the model left unexplained | poses of the check | checks | alarms | 95 % interval |",
-        "|---|---|---|---|---|",
-    ]
-    for error, what in words.items():
-        for count in CHECKED:
-            rows = records[(records["error"] == error) & (records["poses"].astype(int) == count)]
-            if len(rows):
-                alarms = int((rows["alarm"].astype(str) == "True").sum())
-                low, high = bounds(alarms, len(rows))
-                lines.append(f"| {what} | {count} | {len(rows)} | {alarms / len(rows):.1%} | {low:.1%} to {high:.1%} |")
-    return "\n".join(lines)
+    """How many checks raise an alarm."""
+    alarms = int((records["alarm"].astype(str) == "True").sum())
+    low, high = bounds(alarms, len(records))
+    poses = " or ".join(map(str, CHECKED))
+    return f"Alarms in {alarms} of {len(records)} checks of {poses} poses (95 %: {low:.1%} to {high:.1%})."
 
 
 if __name__ == "__main__":

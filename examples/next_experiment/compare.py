@@ -123,31 +123,26 @@ def measured(truth: str, rival: str, machine: int) -> list[dict[str, float]]:
 
 def table(records: pd.DataFrame) -> str:
     """Means by pair of effects."""
-    lines = [
-        "| true effect | alternative | planned (expected) | random (expected) | planned added more "
-        "| settled by planned, random, of open |",
-        "|---|---|---|---|---|---|",
-    ]
-    total = np.zeros(3, dtype=int)
+    lines = ["| true effect | alternative | planned (expected) | random (expected) |", "|---|---|---|---|"]
+    total, ahead = np.zeros(3, dtype=int), 0
     for (truth, rival), rows in records.groupby(["truth", "rival"], sort=False):
         mean = rows[["planned", "expected", "random", "expected_random"]].mean()
         left = rows[rows["before"] < OPEN]
         settled = [int((left["before"] + left[name] >= OPEN).sum()) for name in ("planned", "random")]
-        cells = [
-            truth.replace("@", " "),
-            rival.replace("@", " "),
-            f"{mean['planned']:.1f} ({mean['expected']:.1f})",
-            f"{mean['random']:.1f} ({mean['expected_random']:.1f})",
-            f"{int((rows['planned'] > rows['random']).sum())} of {len(rows)}",
-            f"{settled[0]}, {settled[1]} of {len(left)}",
+        gains = [
+            f"{mean[name]:.1f} ({mean[e]:.1f})" for name, e in (("planned", "expected"), ("random", "expected_random"))
         ]
-        lines.append(f"| {' | '.join(cells)} |")
+        lines.append(f"| {' | '.join([truth.replace('@', ' '), rival.replace('@', ' '), *gains])} |")
         total += [len(left), *settled]
-    lines += [
-        "",
-        f"Of {total[0]} cases open before, {total[1]} were settled by planned poses and {total[2]} by random ones.",
-    ]
-    return "\n".join(lines)
+        ahead += int((rows["planned"] > rows["random"]).sum())
+    return "\n".join(
+        [
+            *lines,
+            "",
+            f"Planned poses added more than random ones on {ahead} of {len(records)} machines. Of {total[0]} cases open "
+            f"before, {total[1]} were settled by planned poses and {total[2]} by random ones.",
+        ]
+    )
 
 
 if __name__ == "__main__":

@@ -11,13 +11,12 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Iterable
 from importlib import metadata
 from pathlib import Path
 
 RECORD = Path(__file__).parents[2] / "docs" / "figures" / "installed.json"
-LISTED = 40.0
-"""Megabytes from which a distribution has a row of its own."""
+LARGEST = 4
+"""Number of distributions that the page names."""
 MEGABYTE = 1e6
 NOT_OURS = ("gtpin", "pip", "setuptools")
 
@@ -25,28 +24,6 @@ NOT_OURS = ("gtpin", "pip", "setuptools")
 def name_of(distribution: str) -> str:
     """The name as registries compare it."""
     return re.sub(r"[-_.]+", "-", distribution).lower()
-
-
-def needed_by(name: str, extras: Iterable[str] = ()) -> set[str]:
-    """A distribution and what it needs, directly or not, of what is installed."""
-    found: set[str] = set()
-    waiting = [(name_of(name), frozenset(extras))]
-    seen = set(waiting)
-    while waiting:
-        one, chosen = waiting.pop()
-        try:
-            requirements = metadata.requires(one) or []
-        except metadata.PackageNotFoundError:
-            continue
-        found.add(one)
-        for requirement in requirements:
-            extra = re.search(r"extra == ['\"]([^'\"]+)", requirement)
-            match = re.match(r"([\w.-]+)(?:\[([\w, -]+)\])?", requirement)
-            if match and (extra is None or extra[1] in chosen):
-                wanted = (name_of(match[1]), frozenset(re.findall(r"[\w-]+", match[2] or "")))
-                waiting += [wanted] if wanted not in seen else []
-                seen.add(wanted)
-    return found
 
 
 def sizes() -> dict[str, float]:
@@ -61,40 +38,25 @@ def sizes() -> dict[str, float]:
 
 
 def measured() -> dict[str, object]:
-    """Sizes in this environment, and by which of gtpin's dependencies each distribution comes."""
-    found = sizes()
-    direct = [re.match(r"[\w.-]+", text)[0] for text in metadata.requires("gtpin") or [] if "extra ==" not in text]
-    comes = {name_of(one): needed_by(one) for one in direct}
-    return {
-        "python": sys.version.split()[0],
-        "megabytes": {name: round(size, 1) for name, size in sorted(found.items(), key=lambda item: -item[1])},
-        "by": {name: [one for one in comes if name in comes[one]] for name in found if found[name] >= LISTED},
-    }
+    """Sizes in this environment."""
+    found = sorted(sizes().items(), key=lambda item: -item[1])
+    return {"python": sys.version.split()[0], "megabytes": {name: round(size, 1) for name, size in found}}
 
 
 def table() -> str:
-    """The base installation by distribution."""
-    record = json.loads(RECORD.read_text(encoding="utf-8"))["none"]
-    megabytes, by = record["megabytes"], record["by"]
-    listed = {name: size for name, size in megabytes.items() if size >= LISTED}
-    lines = ["| distribution | MB | comes with |", "|---|---|---|"]
-    for name, size in listed.items():
-        others = [f"`{one}`" for one in by[name] if one != name]
-        lines.append(f"| `{name}` | {size:.0f} | {'itself' if name in by[name] else ', '.join(others)} |")
-    rest = {name: size for name, size in megabytes.items() if name not in listed}
-    lines += [f"| {len(rest)} others | {sum(rest.values()):.0f} | |", f"| all | {sum(megabytes.values()):.0f} | |"]
-    return "\n".join(lines)
+    """The base installation, and its largest distributions."""
+    megabytes = json.loads(RECORD.read_text(encoding="utf-8"))["none"]["megabytes"]
+    largest = sorted(megabytes.items(), key=lambda item: -item[1])[:LARGEST]
+    named = ", ".join(f"`{name}` {size:.0f}" for name, size in largest)
+    return f"In all {sum(megabytes.values()):.0f} MB, among them {named}."
 
 
 def extras_table() -> str:
     """What each extra adds."""
     record = json.loads(RECORD.read_text(encoding="utf-8"))
     base = sum(record["none"]["megabytes"].values())
-    lines = ["| extra | adds, MB |", "|---|---|"]
-    for extra, one in record.items():
-        if extra != "none":
-            lines.append(f"| `{extra}` | {sum(one['megabytes'].values()) - base:.0f} |")
-    return "\n".join(lines)
+    added = {extra: sum(one["megabytes"].values()) - base for extra, one in record.items() if extra != "none"}
+    return f"Extras add: {', '.join(f'`{extra}` {size:.0f}' for extra, size in added.items())} MB."
 
 
 def main(arguments: list[str]) -> None:

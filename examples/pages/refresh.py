@@ -21,11 +21,11 @@ from installed import table as installed_table
 from scores import (
     blind_runs,
     chain_scores,
-    instrument_checks,
     instrument_scores,
     jugglebot,
     machine_scores,
     planted,
+    planted_earlier,
     planted_halves,
     real_causes,
     real_curves,
@@ -36,6 +36,7 @@ from scores import (
     sealed_score,
     sealed_sentence,
     worlds,
+    worlds_earlier,
 )
 from speed import arm_command_table, arm_table, command_table
 from speed import table as speed_table
@@ -50,7 +51,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "sealed_sentence": sealed_sentence,
     "chain_scores": chain_scores,
     "machine_scores": machine_scores,
-    "instrument_checks": instrument_checks,
     "instrument_scores": instrument_scores,
     "jugglebot": jugglebot,
     "real_causes": real_causes,
@@ -60,8 +60,10 @@ TABLES: dict[str, Callable[[], str]] = {
     "real_panda": real_panda,
     "real_plain": real_plain,
     "planted": planted,
+    "planted_earlier": planted_earlier,
     "planted_halves": planted_halves,
     "worlds": worlds,
+    "worlds_earlier": worlds_earlier,
     "installed": installed_table,
     "installed_extras": extras_table,
     "speed": speed_table,

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from figures import RECORDS
+from scipy.stats import binomtest
 
 OUT = "outside the catalogue: "
 TAKEN = "taken out of the catalogue: "
@@ -32,7 +33,6 @@ SEALED = {
 }
 """Figures of ``score.json``, and how docs/diagnosis.md calls them."""
 MACHINE = {
-    "detected, E > 63": "detected, E > 63",
     "class holds the truth, E > 63": "class right, E > 63",
     "cause and site right, nothing else named, D > 63": "cause right, D > 63",
     "no effect: silent": "no effect: nothing detected",
@@ -47,15 +47,8 @@ INSTRUMENT: dict[str, tuple[str, str, float | None, float | None]] = {
     "in_class": ("class right, E > 63", "0.95 or more", 0.95, None),
     "false_with_confidence": ("a false cause named with confidence, all cases", "0.03 or less", None, 0.03),
     "silent": ("no effect: nothing detected", "0.99 or more", 0.99, None),
-    "gap after over that of a fit that knows the cause, E > 63": (
-        "error with the named causes over that of a fit that knows them, E > 63",
-        "1.15 or less",
-        None,
-        1.15,
-    ),
     "95 % intervals of parameters cover": ("95 % intervals of parameters cover", "0.93 to 0.97", 0.93, 0.97),
     "95 % interval of shrinkage covers": ("95 % interval of the explained fraction covers", "", None, None),
-    "shrinkage said less realised": ("explained fraction: predicted less realised", "", None, None),
 }
 """Scores of a check of one instrument: how docs/blind.md calls each, its goal in words, and the goal's bounds."""
 
@@ -126,8 +119,10 @@ def instrument_scores() -> str:
         (by_instrument,) = score["by_instrument"].values()
         rows = by_instrument | {row["figure"]: row for row in score["figures"]}
         cells = [_beside_its_goal(rows[name], least, most) for name, (_, _, least, most) in INSTRUMENT.items()]
-        machine = "" if score["check"]["robot"] == "gantry_tau" else f", `{score['check']['robot']}`"
-        lines.append(f"| `{kinds}`{machine} | {' | '.join(cells)} |")
+        check = score["check"]
+        machine = "" if check["robot"] == "gantry_tau" else f" --robot {check['robot']}"
+        drawn = f"{check['cases']} cases, seed {check['seed']}"
+        lines.append(f"| `{kinds}{machine}`, {drawn} | {' | '.join(cells)} |")
     return "\n".join([*lines, "", _failed(found)])
 
 
@@ -139,75 +134,87 @@ def _beside_its_goal(row: dict[str, Any], least: float | None, most: float | Non
     return f"{value(row)} of {row['of']}{', missed' if missed else ''}"
 
 
-def instrument_checks() -> str:
-    """Which checks these scores are of."""
-    lines = []
-    for kinds, score in _record("blind_instruments.json").items():
-        check = score["check"]
-        options = " ".join(f"--instrument {kind}" for kind in kinds.split(" + "))
-        robot = "" if check["robot"] == "gantry_tau" else f" --robot {check['robot']}"
-        lines.append(
-            f"gtpin blind {options}{robot} --cases {check['cases']} --seed {check['seed']} -o {kinds.split()[0]}"
-        )
-    return "\n".join(["```sh", *lines, "```"])
+WORLDS = (
+    ("effect unlisted, others leave > 250 of it: verdict `unknown`", "unknown, of own form", "unlisted, of own form"),
+    ("effect unlisted, E > 63: verdict `unknown`", "unknown", "unlisted"),
+    ("cases with a false cause of 0.9 or more", "false, sure", "cases"),
+    ("of these, not the mechanism's textbook name at its site", "another name", "cases"),
+    ("listed effect, E > 63: in a class", "class holds", "listed"),
+    ("others leave > 63 of it: right alone, 0.9 or more", "alone, sure, of own form", "listed, of own form"),
+    ("right alone, 0.9 or more", "alone, sure", "listed"),
+    ("no effect: `none`", "no effect, none", "no effect"),
+)
+"""What is counted on machines of another simulation, and the keys of its number and of the cases: the worst first."""
 
 
 def worlds() -> str:
-    """What is found on the machines of another simulation, as docs/blind.md has it: the first run and the last two."""
-    every = list(_record("worlds.json").items())
-    found = dict(every[:1] + every[-2:])
+    """What is found on the machines of another simulation, as docs/blind.md has it: the last set, with today's rules."""
+    last = list(_record("worlds.json").values())[-1]
+    lines = ["| | cases | share |", "|---|---|---|"]
+    lines += [f"| {words} | {share(last[key], last[of])} |" for words, key, of in WORLDS]
+    return "\n".join(lines)
+
+
+def worlds_earlier() -> str:
+    """The same of all sets, with the rules of their time, as the file of earlier sets has it."""
+    found = _record("worlds.json")
     lines = ["| | " + " | ".join(found) + " |", "|---" * (len(found) + 1) + "|"]
-    for words, key, of in (
-        (
-            "effect unlisted, others leave > 250 of it: verdict `unknown`",
-            "unknown, of own form",
-            "unlisted, of own form",
-        ),
-        ("effect unlisted, E > 63: verdict `unknown`", "unknown", "unlisted"),
-        ("cases with a false cause of 0.9 or more", "false, sure", "cases"),
-        ("of these, not the mechanism's textbook name at its site", "another name", "cases"),
-        ("listed effect, E > 63: in a class", "class holds", "listed"),
-        ("told as a description at its site", "described", "listed"),
-        ("others leave > 63 of it: right alone, 0.9 or more", "alone, sure, of own form", "listed, of own form"),
-        ("right alone, 0.9 or more", "alone, sure", "listed"),
-        ("no effect: `none`", "no effect, none", "no effect"),
-    ):
+    for words, key, of in WORLDS:
         cells = (f"{column[key]} of {column[of]}" if key in column else "" for column in found.values())
         lines.append(f"| {words} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
-def planted() -> str:
-    """What is said of causes that were planted in measured data, as docs/blind.md has it: the worst figure first.
+def share(good: int, of: int) -> str:
+    """A count, and the share with Wilson's 95 % bounds: two cells of a table."""
+    low, high = binomtest(good, of).proportion_ci(method="wilson")
+    return f"{good} of {of} | {good / of:.2f} ({low:.2f}..{high:.2f})"
 
-    The last sealed cases, also by energy; then all of the earlier ones, with the rules of their time.
-    """
-    record = _record("planted.json")
-    found = record["sealed"]
-    sizes = (key for key in found if key.startswith("E ") and "," not in key)
-    groups = {key: found[key] for key in ("all", *sorted(sizes, key=lambda key: (len(key), key)))}
-    groups |= {name: sums["all"] for name, sums in record["earlier"].items()}
-    groups["training half"] = record["cases"]["all"]
-    rows = [
-        ("planted and listed: in a class", "named"),
-        ("the leader of it, 0.9 or more", "sure"),
-        ("named: again with half of the poses", "again"),
-        ("planted and unlisted: verdict `unknown`", "unknown"),
-        ("no other new cause of 0.9 or more", "silent"),
-        ("no other new cause of 0.9 or more at another site", "elsewhere"),
-        ("named before with 0.9 or more: still in a class", "kept"),
-    ]
-    share = {key: good / of for key, (good, of) in found["all"].items() if of}
-    rows = sorted((row for row in rows if row[1] in share), key=lambda row: share[row[1]])
-    lines = ["| | " + " | ".join(groups) + " |", "|---" * (len(groups) + 1) + "|"]
-    for words, key in rows:
-        cells = (group.get(key, (0, 0)) for group in groups.values())
-        lines.append(f"| {words} | " + " | ".join(f"{good} of {of}" if of else "" for good, of in cells) + " |")
+
+PLANTED = {
+    "named": "planted and listed: in a class",
+    "sure": "planted and listed: leads its class with 0.9 or more",
+    "again": "named: again with half of the poses",
+    "unknown": "planted and unlisted: verdict `unknown`",
+    "silent": "no other new cause of 0.9 or more",
+    "elsewhere": "no other new cause of 0.9 or more at another site",
+    "kept": "certain (0.9) before the planting: still in a class",
+}
+"""What is counted of causes that were planted in measured data."""
+BACKGROUNDS = {"stewart": "Stewart", "ur10": "UR10", "ur5": "UR5", "wam": "WAM", "panda_3": "Panda"}
+"""Machines whose measurements are the backgrounds."""
+
+
+def planted() -> str:
+    """What is said of causes that were planted in measured data, for docs/blind.md, by machine: the worst figure first."""
+    found = _record("planted.json")["sealed"]
+    lines = ["| | all | share | " + " | ".join(BACKGROUNDS.values()) + " |", "|---" * (len(BACKGROUNDS) + 3) + "|"]
+    for key in sorted(PLANTED, key=lambda key: found["all"][key][0] / found["all"][key][1]):
+        cells = (_counted(found[machine], key) for machine in BACKGROUNDS)
+        lines.append(f"| {PLANTED[key]} | {share(*found['all'][key])} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
+def planted_earlier() -> str:
+    """The same of the last sealed cases by energy, and of earlier cases, with the rules of their time."""
+    record = _record("planted.json")
+    found = record["sealed"]
+    sizes = sorted((key for key in found if key.startswith("E ") and "," not in key), key=lambda key: (len(key), key))
+    groups = {key: found[key] for key in sizes} | {name: sums["all"] for name, sums in record["earlier"].items()}
+    groups["training half"] = record["cases"]["all"]
+    lines = ["| | " + " | ".join(groups) + " |", "|---" * (len(groups) + 1) + "|"]
+    for key, words in PLANTED.items():
+        lines.append(f"| {words} | " + " | ".join(_counted(group, key) for group in groups.values()) + " |")
+    return "\n".join(lines)
+
+
+def _counted(group: Mapping[str, tuple[int, int]], key: str) -> str:
+    good, of = group.get(key, (0, 0))
+    return f"{good} of {of}" if of else ""
+
+
 def planted_halves() -> str:
-    """What two halves of real series tell, as docs/blind.md has it."""
+    """Causes that only one half of a real series shows, as docs/blind.md has it."""
     lines = ["| series | by pose | by time | by region |", "|---|---|---|---|"]
     for name, splits in _record("planted.json")["halves"].items():
         cells = [f"{len(s['false'])} of {s['sure']}" if s["sure"] else "none named" for s in splits.values()]

@@ -156,25 +156,29 @@ def rms(one: gtpin.Poses, other: gtpin.Poses) -> float:
 
 def table(records: pd.DataFrame) -> str:
     """Largest errors over the machines of a cause, and how often the circle closed."""
-    head = ["robot", "cause", "effects", "printed", "file off", "layer off", "same causes", "against: file", "layer"]
-    head += ["said", "simulator"]
-    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    lines = ["| robot | cause | effects | printed | file off | layer off | same causes |", "|---" * 7 + "|"]
     for (robot, cause), all_rows in records.groupby(["robot", "cause"], sort=False):
         rows = all_rows[all_rows["again"] != ""]
         largest = [
-            f"{rows[name].astype(float).max():.3g} um" if len(rows) else "-"
+            f"{rows[name].astype(float).max():.3g}" if len(rows) else "-"
             for name in ("effects_um", "printed_um", "file_um", "layer_um")
         ]
         same = f"{(rows['found'] == rows['again']).sum()} of {len(all_rows)}"
-        verdicts = [", ".join(rows[name]) or "-" for name in ("against_file", "against_layer")]
-        shares = [", ".join(f"{float(share):.1%}" for share in rows[name]) or "-" for name in ("said", "shrank")]
-        lines.append(f"| {robot} | `{cause}` | {' | '.join([*largest, same, *verdicts, *shares])} |")
-    closed = [f"none in {(records[name] == 'none').sum()}" for name in ("against_file", "against_layer")]
-    same = f"{(records['found'] == records['again']).sum()} of {len(records)}"
-    lines.append(
-        f"| all | | | | | | {' | '.join([same, *closed])} | | in the interval: {inside(records)} of {len(records)} |"
+        lines.append(f"| {robot} | `{cause}` | {' | '.join([*largest, same])} |")
+    of = len(records)
+    same, file, layer = (
+        sum(found)
+        for found in (
+            records["found"] == records["again"],
+            records["against_file"] == "none",
+            records["against_layer"] == "none",
+        )
     )
-    return "\n".join(lines)
+    closed = (
+        f"The same causes on {same} of {of} machines; verdict `none` against the diagnosed model on {file} (file) and "
+    )
+    closed += f"{layer} (layer); the explained fraction in MuJoCo is in the stated interval on {inside(records)}."
+    return "\n".join([*lines, "", closed])
 
 
 def inside(records: pd.DataFrame) -> int:

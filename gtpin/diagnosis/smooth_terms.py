@@ -1,4 +1,16 @@
-"""Smooth nonparametric terms at every site. Named causes are compared with them, and they localise an unknown cause."""
+"""Smooth nonparametric terms at every site. Named causes are compared with them, and they localise an unknown cause.
+
+What moves or changes, and of what it is a smooth function:
+
+- a cart, or a joint of a robot without rods, in all directions: its own command, two commands, time, temperature, load,
+  direction of approach, or speed;
+- the length of a link: its load, its direction, directions of approach, or speeds;
+- all links together, the platform, or the frame: time, session, temperature, payload, position; not links: force at the TCP;
+  not the frame: directions of approach, speeds;
+- the length of all links by one strain, and the scale of what is measured, with a shift: time, session, temperature, payload;
+- all carts together, along their tracks: all commands, or each cart in proportion to its own command;
+- the tip of a moving link, in six directions: the load on it, time, temperature, session, directions of approach, or speeds.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Effects: causes of deviations that a geometry does not model, one family per file.
 
-The typical sizes of their coefficients, and the sources of these, stand in ``docs/effects.md``.
+The docstring of each has its equation, its parameters, and the typical sizes of its coefficients with their sources.
 
 This module exports the names that are needed to write an effect of your own.
 """

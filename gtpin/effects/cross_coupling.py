@@ -47,6 +47,9 @@ class CrossCoupling(Effect):
 
     Parameters: ``end_to_end[k]``, m (rad where the actuator turns): the mean of f at the upper end of the range of the k-th
     other actuator less its mean at the lower end. The other actuators are counted in the robot's order.
+
+    Typical size: root mean square of f 50 um, the size of the errors along the track of cart 2 in Dressler et al. 2010,
+    section V: at one command they varied with the positions of the other two carts.
     """
 
     id = "cross_coupling"

@@ -25,6 +25,10 @@ class EncoderScale(Effect):
 
     Parameters: ``scale`` s, m/m (rad/rad where the actuator turns); ``uneven``: s at the upper end of the range less s at the
     lower end, in the same unit.
+
+    Typical size: s 1e-4. The norms of the track directions in Table II of Dressler et al. 2010, which include the
+    drive's scale, differ from 1 by 0.5e-4 to 3.7e-4. The pitch error of a precision rack is at most 12 um per 500 mm,
+    24e-6 (source as for ``rack_periodic``).
     """
 
     id = "encoder_scale"
@@ -65,6 +69,9 @@ class Linearity(Effect):
 
     Parameters: ``rms`` and ``peak_to_valley`` of f over the whole range, after the best straight line is subtracted, m (rad
     where the actuator turns); ``end_to_end``, f at the upper end of the range less f at the lower end, in the same unit.
+
+    Typical size: root mean square of f 50 um. Cart 2 of Dressler et al. 2010 departed from a straight line by 25 to 140
+    um (section III.C).
     """
 
     id = "linearity"
@@ -100,6 +107,10 @@ class ZeroShift(Effect):
     Parameters: ``shift[k]``, m: z of session k less the mean over the sessions, which are sorted by name;
     ``largest_difference``, m, between two sessions. As a change since an earlier model: ``shift`` alone, m, of all poses.
     Where the actuator turns, rad replaces m.
+
+    Typical size: z 40 um, a guess for homing on a switch and a marker pulse. Without homing, the repeatability of the
+    whole Gantry-Tau was 13 um in the mean and 50 um at most (Dressler et al. 2010, section I, after Crothers et al.
+    2009).
     """
 
     id = "zero_shift"
@@ -139,6 +150,9 @@ class Backlash(Effect):
 
     Parameters: ``half_width`` b, m (rad where the actuator turns); ``reversal`` = 2 b, m or rad, the reversal error of
     ISO 230-2: the deviation at approach +1 less the deviation at approach -1.
+
+    Typical size: b 15 um. The repeatability of the whole Gantry-Tau was 13 um in the mean and 50 um at most, over all
+    directions of approach and with the backlash of all drives (Dressler et al. 2010, section I).
     """
 
     id = "backlash"
@@ -183,6 +197,10 @@ class ServoLag(Effect):
     rad/s. The modulation: tau varies a little along the track and with the speed.
 
     Parameters: ``lag`` tau, s, positive where the actuator is behind its command.
+
+    Typical size: tau 0.2 ms. A position loop of gain Kv, some 10 to 100 / s, has a following error of speed / Kv
+    (Mechanical Engineers' Handbook, vol. 2, Controller Design); that velocity feed-forward leaves a hundredth of it is
+    a guess.
     """
 
     id = "servo_lag"

@@ -33,6 +33,9 @@ class JointCompliance(Effect):
     increases when the load becomes twice the usual one, negative where the drive becomes stiffer; ``hysteresis``: c less its
     mean, where the joint moved towards larger commands before it stopped. All are in rad/(N m), or in m/N where the joint
     slides. The usual load is the absolute mean over the poses of the fit plus one standard deviation.
+
+    Typical size: c 3e-5 rad/(N m), that of a strain wave gear of medium size, about 3e4 N m/rad (catalogue values);
+    5e-8 m/N where the joint slides.
     """
 
     id = "joint_compliance"
@@ -100,6 +103,8 @@ class BearingCompliance(Effect):
     Parameters: ``tilt``, the mean of k_a and k_b, positive where the bearing tilts in the direction of the moment;
     ``difference``, k_a less k_b; ``stiffening``: by how much ``tilt`` increases when the moment becomes twice the usual one,
     negative where the bearing becomes stiffer. All are in rad/(N m).
+
+    Typical size: 5e-6 rad/(N m): crossed roller bearings of medium gear units have some 2e5 N m/rad (catalogue values).
     """
 
     id = "bearing_compliance"
@@ -161,6 +166,8 @@ class AxisMotion(Effect):
     over a turn; ``tilt``, rad, root mean square over a turn of both tilts together. Of a sliding joint: ``straightness``, m,
     and ``rotation``, rad, root mean squares over its travel. Geometry absorbs a part of the first harmonic (k = 1), which an
     eccentric part causes.
+
+    Typical size: 20 um or 80 urad of each error motion, a guess; catalogues give 10 to 20 um at a radius of 0.1 m.
     """
 
     id = "axis_motion"

@@ -53,6 +53,10 @@ class LinkCompliance(Effect):
     E I = 70e9 * 3.14 * 0.05^3 * 0.004 = 1.1e5 N m^2, and G J is three quarters of E I. The links of a robot whose moving mass
     times length from base to TCP is below 15 kg m (a Panda has 18, a UR5 21) are more flexible in inverse proportion to this
     product: between robots of one shape and material both E I and the product grow with the fourth power of the size.
+
+    Typical size of ``compliance`` 4e-8 m/N (25 N/um). A steel tube of 2.04 m and 5 cm^2 has L / (E A) = 2.04 / (210e9 *
+    5e-4) = 1.9e-8 m/N; the rest, for two ball joints, is a guess. The attribute ``link`` of ``<compliance>`` in the
+    URDF gives another size.
     """
 
     id = "link_compliance"
@@ -153,6 +157,9 @@ class ThermalLinks(Effect):
 
     Parameters: ``expansion`` alpha, 1/K, at ``arm`` the mean of all links; at ``arm`` ``spread``: the standard deviation of
     alpha between the links, 1/K.
+
+    Typical size: alpha 8e-6 / K, between carbon fibre (-1e-6 to 1e-6) and steel (12e-6) or aluminium (23e-6); of robots
+    without rods 1.5e-5 / K.
     """
 
     id = "thermal_links"
@@ -210,6 +217,9 @@ class JointClearance(Effect):
     Parameters: ``half_play`` c, m, positive for real play; ``play`` = 2 c, m; ``yielding``, m: further change of length,
     beyond the play, when the force changes by one spread. The spread is the standard deviation over the poses of the fit; at a
     joint of a robot without rods, the absolute mean is added to it. Where a joint turns, the parameters are in rad.
+
+    Typical size: c 15 um, a guess for a worn ball joint; new ones are preloaded. At a turning joint of a robot without
+    rods 0.15 mrad.
     """
 
     id = "joint_clearance"
@@ -259,6 +269,9 @@ class JointRunout(Effect):
 
     Parameters: ``rms``, root mean square of f over the range of directions, m; ``largest_wave``, the largest absolute
     coefficient of f, m.
+
+    Typical size: root mean square of f 15 um. Balls of grade 100 are round to 2.5 um, of grade 200 to 5 um (ISO 3290);
+    machined or worn sockets are less round.
     """
 
     id = "joint_runout"

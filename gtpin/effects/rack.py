@@ -49,6 +49,12 @@ class RackPeriodic(Effect):
     At a turning joint of a robot without rods, one cause can have several periods, because gears and encoders have several
     periods per turn. The parameters of the second period are ``period_2``, ``amplitude_2``, ``phase_2``, and so on. A second
     harmonic is then a period of its own, and there is no parameter ``harmonic``.
+
+    Typical size: A cos phi and A sin phi 20 um each. A trade journal gives 10 um for precision drives (Machine Design,
+    "Comparing rack and pinion sets", machinedesign.com). The manufacturer of the Gantry-Tau's racks expects variations
+    with the length between their teeth as the period (Dressler et al. 2010, section III.C). Periods from 4.5 mm (the
+    tooth of a rack of module 1.5 mm has pi 1.5 mm) to 0.25 m, and at most a third of the range of the commands, are
+    tried; at a turning joint of a robot without rods from 202 periods a turn to one.
     """
 
     id = "rack_periodic"
@@ -153,6 +159,9 @@ class RackStep(Effect):
     Parameters: ``place`` p, m, the nonlinear parameter: the middle of the flank; ``step`` h, m, the whole height, positive
     where the cart is farther than commanded beyond the place; ``slope`` m, m/m, the pitch error of the second segment. Where
     the actuator turns, rad replaces m.
+
+    Typical size: h 50 um. Matched rack segments have position errors of at most 40 um (source as for
+    ``rack_periodic``).
     """
 
     id = "rack_step"

@@ -58,6 +58,9 @@ class Straightness(_GuideErrors):
 
     Parameters: ``rms_a``, ``rms_b``, ``peak_to_valley_a``, ``peak_to_valley_b``, m, each after the best straight
     line is subtracted, because a slope belongs to the direction of the track, which is geometry.
+
+    Typical size: root mean square of f_a and of f_b 40 um. A good guide rail runs parallel to its mounting surface to
+    about 30 um over 2 m (Picard, "One micron can make the difference", picard.de).
     """
 
     id = "straightness"
@@ -78,6 +81,9 @@ class CartRotation(_GuideErrors):
 
     Parameters: ``rms_roll``, ``rms_a``, ``rms_b`` and ``peak_to_valley_roll``, ``_a``, ``_b``, rad, each after the best
     straight line along the track is subtracted.
+
+    Typical size: root mean square of each component 0.1 mrad, as of two runner blocks 0.4 m apart, one of which is
+    displaced by 40 um.
     """
 
     id = "cart_rotation"
@@ -102,6 +108,9 @@ class ThermalTrack(Effect):
 
     Parameters: ``expansion`` alpha, 1/K; ``at_zero`` = -alpha q0, m/K: the displacement of the cart at q = 0 per kelvin;
     ``fixed_point`` q0, m, which is inaccurate where alpha is small.
+
+    Typical size: alpha 1e-5 / K; ``at_zero`` 7e-6 m/K. Steel has 12e-6 / K (handbook value); the frame that holds the
+    track may expand less or more.
     """
 
     id = "thermal_track"
@@ -172,6 +181,10 @@ class CartCompliance(Effect):
     ``stiffening``: by how much ``along`` increases, m/N, when the force becomes twice the usual one, negative where the cart
     becomes stiffer; for a cart with more than one joint also ``roll``, ``tip_a``, ``tip_b``: k_e, rad/(N m), positive where
     the cart turns in the direction of the moment.
+
+    Typical sizes: ``along`` 5e-8 m/N (20 N/um), ``across_a`` and ``across_b`` 3e-8 m/N, ``roll``, ``tip_a`` and
+    ``tip_b`` 5e-7 rad/(N m): guesses for rack, gear and servo in series with a stiffer carriage. Dressler et al. 2010,
+    section V, assumes a lack of stiffness of cart 2.
     """
 
     id = "cart_compliance"

@@ -36,7 +36,7 @@ class Untestable:
         ``no_load``: the joint carries nothing about its own axis. ``no_masses``: no load is known, because the
         links have no masses, and no payload or force was recorded.
         ``single_joint``: the cart carries one joint. A rotation of the cart about it has no effect on the TCP.
-        ``absorbed``: geometric calibration absorbs it, even at ten times its typical size.
+        ``absorbed``: geometric calibration absorbs it, even at a large size (``large`` of the priors).
         ``unrecorded_payload``: the payload may have varied without being recorded. The effect can be tested with the
         recorded loads only. With other loads it could be the cause although that test does not find it.
         ``not_searched``: a check of few poses does not search for periods and places of steps.

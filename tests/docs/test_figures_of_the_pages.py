@@ -16,6 +16,7 @@ from gtpin.diagnosis.trials import SESSIONS
 from gtpin.effects.rack import LEAST_TURNS
 from gtpin.effects.smooth import SLOWEST_LINE
 from gtpin.report import residual_plots
+from gtpin.report.geometry import CLEAR
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "examples" / "pages"))
@@ -30,16 +31,12 @@ def test_a_page_shows_what_its_records_hold(page: Path) -> None:
 
 
 def test_what_the_text_says_of_planted_causes_is_in_their_record() -> None:
-    record = json.loads((ROOT / "docs" / "figures" / "planted.json").read_text(encoding="utf-8"))
-    last, before = record["sealed"], record["earlier"]["60 before"]
-    false, of = last["all"]["silent"][1] - last["all"]["silent"][0], last["all"]["silent"][1]
-    false_before = before["all"]["silent"][1] - before["all"]["silent"][0]
-    machines = {"UR5": "ur5", "Panda": "panda_3", "WAM": "wam", "UR10": "ur10"}
-    listed = ", ".join(f"{words} {last[name]['named'][0]}" for words, name in machines.items())
+    last = json.loads((ROOT / "docs" / "figures" / "planted.json").read_text(encoding="utf-8"))["sealed"]
+    silent, of = last["all"]["silent"]
+    by_energy = ["{} of {}".format(*last[f"E {energy}"]["named"]) for energy in (100, 300, 1000, 3000)]
     said = (
-        f"New causes of 0.9 or more, in {false} of {of}:",
-        f"In the half before it was {false_before} of {before['all']['silent'][1]},",
-        "in a class: Stewart {} of {}, ".format(*last["stewart"]["named"]) + f"{listed}.",
+        f"from 100 to 3000: {', '.join(by_energy[:-1])} and {by_energy[-1]}.",
+        f"New causes of 0.9 or more, in {of - silent} of {of}:",
         "and {} of {} of the causes that were certain before".format(*last["ur10"]["kept"]),
         "what the residuals had along it in {} of {} named cases".format(*last["all"]["right sum"]),
     )
@@ -56,8 +53,6 @@ WORDS = {3: "three", 4: "four", 5: "five"}
 P = priors.PRIORS
 CONSTANTS = {
     "diagnosis": (
-        f"by more than {100 * P.departure:g} % of the gain in log evidence of the smooth terms",
-        f"({100 * P.modulation:g} % where they act at the site of a named cause",
         f"at least {100 * priors.CLASS_SHARE:g} % of the leader's probability belongs to the class",
         f"each with a probability of {100 * priors.SURE:g} % or more",
         f"(glossary.md#probability-temperature) of {P.temperature:g} or more",
@@ -65,7 +60,7 @@ CONSTANTS = {
         f"{100 * P.related:g} % for related hypotheses",
         f"or both depend on load), {100 * P.other:g} % for all others",
         f"With more than {noise.MOST_POSES:,} poses, the search uses",
-        f"no form of their own: there, odds of {np.exp(P.same_clock):.0f} to 1",
+        f"no form of its own: there, odds of {np.exp(P.same_clock):.0f} to 1",
         f"gain: below {splitting.NONE_EXPECTED:g} nats, only",
         f"below {100 * PROMISED:g} %, how many rounds",
         f"with {SIMULATED} simulated",
@@ -74,10 +69,16 @@ CONSTANTS = {
         f"`--false-alarm` (default {FALSE_ALARM:g})",
         f"a smooth function has parts with up to {SLOWEST_LINE:g} periods a turn",
         f"at least {LEAST_TURNS:g} periods in the joint's range of commands where the joint has no",
-        f"must gain more than {P.line:g} nats (`line`",
+        f"without a cause {P.silent:g} times the noise floor on left-out poses, or {P.excess:g} times the noise in the",
+        f"with causes {100 * P.core_leaves:g} % of the gap",
+        f"per degree of freedom exceeds {P.misfit:g}, the noise",
+        f"by a factor of {P.understated:g} (without eight repeated visits: the residuals alone, by {P.understated_once:g})",
         f"{t.ppf(0.975, 1) * 1.5**0.5:.0f} standard deviations wide to either side",
     ),
-    "report": (f"each has a probability of {100 * priors.SURE:g} % or more",),
+    "report": (
+        f"each has a probability of {100 * priors.SURE:g} % or more",
+        f"differ most from nominal (by more than {WORDS[int(CLEAR)]} sigmas)",
+    ),
     "speed": (f"Plots show at most {residual_plots.MOST:,} poses",),
     "statistics": (
         f"out of {len(evidence.SCALES)} between {evidence.SCALES[0]:.2g} and {evidence.SCALES[-1]:g}",

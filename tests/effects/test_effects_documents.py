@@ -1,5 +1,6 @@
-"""Every effect has a section on the page of the effects that gives its parameters as the code has them."""
+"""Every effect has a section on the page of the effects, and a docstring that gives its parameters as the code has them."""
 
+import inspect
 import os
 import re
 import subprocess
@@ -16,8 +17,8 @@ SECTIONS = {part.split("`")[1]: part for part in PAGE.split("\n## ")[1:] if part
 LARGEST = 60_000
 
 
-def told(name: str) -> dict[str, str]:
-    """Units of all parameters at all sites of the Gantry-Tau; of an arm where it has none."""
+def units(name: str) -> dict[str, str]:
+    """Of all parameters at all sites of the Gantry-Tau; of an arm where it has none."""
     effect = EFFECTS[name]
     if not effect.sites(ROBOT):
         found = [effect.parameters(some(name, s, ARM_FIT), None) for s in effect.sites(ARM)]
@@ -27,13 +28,26 @@ def told(name: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_a_section_has_the_effects_title_parameters_and_units(name: str) -> None:
+def test_a_section_has_the_effects_title_and_what_it_looks_like(name: str) -> None:
     assert name in SECTIONS, f"docs/effects.md has no section for {name}"
     title, section = SECTIONS[name].split("\n", 1)
     assert title == f'<a id="{name}"></a>`{name}`: {EFFECTS[name].title.split(" (")[0]}'
-    assert dict(re.findall(r"^- `([^`]+)`, ([^:]+):", section, re.MULTILINE)) == told(name)
-    for part in ("Equation", "What happens", "Typical size", "Mistaken for", "How to distinguish"):
+    for part in ("Mistaken for", "How to distinguish"):
         assert f"**{part}.**" in section
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_a_docstring_has_the_parameters_their_units_and_the_typical_size(name: str) -> None:
+    text = " ".join(inspect.getdoc(type(EFFECTS[name])).split())
+    parameters = text[text.index("Parameters: ") :]
+    named = set(re.findall(r"``([\w\[\]]+)``", parameters))
+    named |= {f"{one.rsplit('_', 1)[0]}{rest}" for one in named for rest in named if rest.startswith("_")}
+    found = units(name)
+    assert found.keys() <= named
+    assert [
+        unit for unit in found.values() if not re.search(rf"(?<![\w/(]){re.escape(unit)}(?![\w/(])", parameters)
+    ] == []
+    assert re.search(r"Typical sizes?\b.* \d", text)
 
 
 def test_the_table_lists_every_effect_with_its_covariate() -> None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-import re
 from dataclasses import replace
-from pathlib import Path
 from typing import get_args
 
 import pinocchio
@@ -163,14 +161,6 @@ def test_a_gap_that_is_small_beside_the_noise_is_told_in_lengths() -> None:
 
 def test_every_kind_of_reason_has_words() -> None:
     assert set(REASONS) == set(get_args(Kind))
-
-
-def test_the_page_of_the_statistics_lists_every_kind_with_its_words() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "diagnosis.md").read_text(encoding="utf-8")
-    rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.MULTILINE))
-    names = {"missing": "speed2", "unusable": "session", "constant": "session"}
-    for kind in set(REASONS) - {"other"}:
-        assert rows[kind] == reason_words(Untestable(kind, names.get(kind, "")), "cart1")
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The page in docs and the log of all full runs, from a check's results."""
+"""The tables in docs and the log of all full runs, from a check's results."""
 
 import datetime
 import json
@@ -44,24 +44,13 @@ def test_a_full_run_is_shown_and_logged_once(script: ModuleType, tmp_path: Path)
     assert [row.split(" | ")[4] for row in rows] == ["a" * 12, "b" * 12]
     assert "gtpin blind -o DIR --cases 1000 --seed 3" in rows[0]
     assert "| 0.750 |" in rows[0]
-    page = script.page(first)
-    assert "## The latest full run" in page
     files = script.files(first)
     assert files[script.FAILURES].count("straightness@cart1 named instead") == 250
     assert re.search(r"^linearity,1000,0\.750,", files[script.EFFECTS], re.MULTILINE)
-    assert all(f"({name})" in page for name in files)
+    page = (SCRIPT.parents[2] / "docs" / "blind.md").read_text(encoding="utf-8")
+    assert [name for name in files if f"({name})" not in page] == []
 
 
-def test_a_small_run_is_called_one_and_not_logged(script: ModuleType, tmp_path: Path) -> None:
-    run = run_of(tmp_path / "one", 4, "a")
-    script.logged(tmp_path / "log.md", run, datetime.date(2030, 1, 2))
+def test_a_small_run_is_not_logged(script: ModuleType, tmp_path: Path) -> None:
+    script.logged(tmp_path / "log.md", run_of(tmp_path / "one", 4, "a"), datetime.date(2030, 1, 2))
     assert not (tmp_path / "log.md").exists()
-    assert "A run of 4 cases (not a full one)" in script.page(run)
-    assert "None has been made yet" in script.page(None)
-
-
-def test_the_page_in_docs_begins_with_the_prose_that_the_script_writes(script: ModuleType) -> None:
-    shown = (SCRIPT.parents[2] / "docs" / "blind.md").read_text(encoding="utf-8")
-    plain = re.sub(r"(<!-- figures: \w+ -->\n).*?(<!-- end of figures -->)", r"\1\2", shown, flags=re.DOTALL)
-    prose = "".join((SCRIPT.parent / name).read_text(encoding="utf-8") for name in script.PROSE)
-    assert plain.startswith(prose)
