@@ -17,16 +17,20 @@ Array = np.ndarray
 FIVE_BAR = """<robot name="five_bar">
   <link name="base"/>
   <link name="left">
-    <inertial><origin xyz="0.14 0 0"/><mass value="1.3"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-2" iyz="0" izz="1e-2"/></inertial>
+    <inertial><origin xyz="0.14 0 0"/><mass value="1.3"/>
+      <inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-2" iyz="0" izz="1e-2"/></inertial>
   </link>
   <link name="left_far">
-    <inertial><origin xyz="0.2 0 0"/><mass value="0.9"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-2" iyz="0" izz="1e-2"/></inertial>
+    <inertial><origin xyz="0.2 0 0"/><mass value="0.9"/>
+      <inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-2" iyz="0" izz="1e-2"/></inertial>
   </link>
   <link name="right">
-    <inertial><origin xyz="0.14 0 0"/><mass value="1.3"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-2" iyz="0" izz="1e-2"/></inertial>
+    <inertial><origin xyz="0.14 0 0"/><mass value="1.3"/>
+      <inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-2" iyz="0" izz="1e-2"/></inertial>
   </link>
   <link name="right_far">
-    <inertial><origin xyz="0.2 0 0"/><mass value="0.8"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-2" iyz="0" izz="1e-2"/></inertial>
+    <inertial><origin xyz="0.2 0 0"/><mass value="0.8"/>
+      <inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-2" iyz="0" izz="1e-2"/></inertial>
   </link>
   <link name="tool"/>
   <joint name="drive_left" type="revolute">
@@ -81,7 +85,7 @@ class Deviation:
 
 @dataclass(frozen=True)
 class Loads:
-    """Static loads at N poses: of drives (N, n), of rods (N, 6), tension positive, on the tips of links (N, k, 6), link axes."""
+    """Static loads at N poses: of drives (N, n), of rods (N, 6), tension positive, on links' tips (N, k, 6), link axes."""
 
     drive: Array
     rods: Array | None = None
@@ -213,7 +217,8 @@ class GantryTau:
 class Tree:
     """An arm, or a planar five-bar (``closed_by``: the anchors on two joints' links).
 
-    Geometry: six numbers for each joint and for the tool, three for each anchor. Shifts and rotation vectors about a joint's own origin, along the axes of its placement.
+    Geometry: six numbers for each joint and for the tool, three for each anchor. Shifts
+    and rotation vectors are about a joint's own origin, along the axes of its placement.
     """
 
     name: str

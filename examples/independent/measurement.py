@@ -209,7 +209,7 @@ def write(
 
 
 def geometry_jacobian(v: Visits, i: Instrument, geometry: Array) -> tuple[Array, Array]:
-    """Derivatives of the whitened readings by the geometry in tolerances, by frame and target: (rows, parameters); the positions."""
+    """Derivatives of the whitened readings by geometry (in tolerances), frame and target; the positions."""
 
     def read(g: Array) -> tuple[Array, Array]:
         return true_poses(v, g, Deviation(), i.offset)

@@ -1,7 +1,7 @@
 """What is wrong with a machine: 36 kinds, each with the answers that count as true.
 
-Twelve are in the list of effects (docs/effects.md). Twenty-four are not, or only partly: an answer then counts as true if it names
-the mechanism or its nearest listed description at the right part. This table was written before any answer was seen.
+Twelve are in the list of effects (docs/effects.md). Twenty-four are not, or only partly: an answer then counts as true if it
+names the mechanism or its nearest listed description at the right part. This table was written before any answer was seen.
 """
 
 from __future__ import annotations
