@@ -1,7 +1,7 @@
 """Writes the datasets and, beside them, their truths: ``python generate.py FOLDER [--innocent 200] [--each 4] [--seed 1]``.
 
 FOLDER/innocent/NNN and FOLDER/physics/NNN are datasets. FOLDER/truths.json says what is true of each: the kind, the answers
-that count as true, and the size: RMS over the readings, in sigmas, of what a geometry within its tolerances leaves of the deviation.
+that count as true, and the size: RMS over the readings, in sigmas, of what a geometry within its tolerances can not follow.
 """
 
 from __future__ import annotations
