@@ -46,6 +46,11 @@ def named(record: Record, least: float) -> list[tuple[str, float]]:
     ]
 
 
+def members(record: Record) -> list[str]:
+    """Of the classes of all causes."""
+    return [f"{m['effect']}@{m['site']}" for cause in record.get("causes", []) for m in cause["class"]]
+
+
 def is_true(cause: str, truth: Record) -> bool:
     return any(fnmatch(cause, pattern) for pattern in truth["true"])
 
@@ -91,7 +96,8 @@ def tables(truths: Record, answers: Record) -> str:
     for title, wanted in (("listed", True), ("not listed, or partly", False)):
         names = [n for n in ill if truths[n]["listed"] == wanted]
         right = sum(any(is_true(c, truths[n]) for c, _ in named(answers[n], 0.5)) for n in names)
-        lines.append(f"physics, {title}: true cause named in {right} of {len(names)}")
+        held = sum(any(is_true(member, truths[n]) for member in members(answers[n])) for n in names)
+        lines.append(f"physics, {title}: {len(names)}; true cause named with 0.5 or more: {right}, in a class: {held}")
     lines += [f"  {told(n, truths[n], answers[n])}" for n in ill]
     lines.append(f"CPU: {sum(r['cpu'] for r in answers.values()):.0f} s")
     return "\n".join(lines)
