@@ -56,7 +56,7 @@ Bound = tuple[str, float, tuple[float, float], str]
 """A key, its value, the limits of the value, and a hint."""
 
 
-class Drives(Protocol):
+class Actuated(Protocol):
     """A robot with n actuators."""
 
     @property
@@ -83,7 +83,7 @@ class Drives(Protocol):
 Rows = TypeVar("Rows", Dataset, Commands)
 
 
-def without_whole_turns(rows: Rows, drives: Drives) -> Rows:
+def without_whole_turns(rows: Rows, drives: Actuated) -> Rows:
     """The rows with commands outside their ranges less a whole turn, in columns that fit their ranges then.
 
     A controller may count from 0 to 360 degrees where the robot's file has a range about 0. Columns with values that are
@@ -114,7 +114,7 @@ def without_whole_turns(rows: Rows, drives: Drives) -> Rows:
     return replace(rows, q=q)
 
 
-def check_actuators(drives: Drives, rows: Dataset | Commands) -> None:
+def check_actuators(drives: Actuated, rows: Dataset | Commands) -> None:
     """Raise `DatasetError` where rows do not have one command for each of a robot's actuators."""
     given, needed = rows.n_actuators, len(drives.sites)
     if given != needed:
@@ -124,7 +124,7 @@ def check_actuators(drives: Drives, rows: Dataset | Commands) -> None:
         raise DatasetError(what, file=rows.file, column=f"q{given}", hint=hint)
 
 
-def check_commands(rows: Dataset | Commands, drives: Drives, suspect: Doubt | None = None) -> None:
+def check_commands(rows: Dataset | Commands, drives: Actuated, suspect: Doubt | None = None) -> None:
     """Check commands against the ranges of a robot's n actuators.
 
     ``suspect``: what is done where most commands of a joint without limits are more than `TURNS` turns from zero, as degrees
@@ -160,7 +160,7 @@ def check_commands(rows: Dataset | Commands, drives: Drives, suspect: Doubt | No
         warn_of(rows.file, f"commands a little outside the robot's range: {named_poses(rows, outside)}")
 
 
-def _far_outside(rows: Dataset | Commands, drives: Drives, far: Mask) -> DatasetError:
+def _far_outside(rows: Dataset | Commands, drives: Actuated, far: Mask) -> DatasetError:
     """The error of the first command that is ``far`` (N, n) outside its range, with the unit that its column looks like."""
     index, j = (int(i) for i in np.argwhere(far)[0])
     name, low, high, q = drives.sites[j], drives.lower[j], drives.upper[j], rows.q[:, j]

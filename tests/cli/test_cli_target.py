@@ -165,7 +165,7 @@ def test_the_table_of_an_arm_and_its_report_have_no_correction_of_the_tool(machi
     assert "the target sat at" in machine.exported(file, "--format", "dh")
     assert "tool," not in file.read_text(encoding="utf-8")
     report = (machine.folder / "calibrated" / "report.txt").read_text(encoding="utf-8")
-    assert "the data say nothing of the tool" in " ".join(report.split())
+    assert "The tool stays as it is: the data do not determine it" in " ".join(report.split())
 
 
 def test_the_expected_error_of_the_machine_is_that_of_its_tool_as_far_as_it_is_known(
