@@ -62,3 +62,12 @@ def test_sessions_of_different_parts_of_the_workspace_are_not_taken_for_motions(
 def test_a_motion_below_a_millimetre_is_left_to_a_diagnosis():
     data = in_sessions(elsewhere(machine("gantry_tau", 643), 643, "free"), [0.0, 3e-4])
     assert gtpin.calibrate(data).residual.shape[0] == len(data)
+
+
+@pytest.mark.slow
+def test_a_drive_s_zero_that_changes_between_sessions_is_left_to_a_diagnosis():
+    data = in_sessions(elsewhere(machine("gantry_tau", 644), 644, "free"), [0.0, 0.0])
+    later = data.covariates["session"] == "s1"
+    off = replace(data, pose=np.arange(len(data)), q=data.q + np.outer(later, [4e-3, 0.0, 0.0]))
+    found = gtpin.diagnose(off)
+    assert ("zero_shift", "cart1") in [(cause.effect, cause.site) for cause in found.causes]

@@ -206,7 +206,8 @@ STEP_AHEAD = 1.2
 motions in proportion to time (to its third power), temperatures, payload or another recorded column that changes slowly.
 Assumed; with 150 poses of six numbers it is a log likelihood ratio of 80 nats."""
 SESSION_FAR = 0.01
-"""Motion, m, from which data are refused before a fit. Assumed: with such motions no diagnosis is linear about one frame."""
+"""Motion, m, from which data are refused before a fit, or after a poor one. Assumed: with such motions no diagnosis is linear
+about one frame."""
 SESSION_FAILED = 1e-3
 """Motion, m, from which data are refused after a fit has failed. Assumed."""
 SESSION_CLEAR = 4.0

@@ -291,14 +291,15 @@ def check_sessions(dataset: Dataset, nominal: Model, poses: Poses) -> None:
     _suspect(dataset, moved, limits.SESSION_FAR)
 
 
-def check_sessions_linear(dataset: Dataset, problem: Problem, near: Poses) -> None:
-    """As :func:`check_sessions`, after a fit has failed: with one geometry for all sessions, it finds smaller motions.
+def check_sessions_linear(dataset: Dataset, problem: Problem, near: Poses, least: float) -> None:
+    """As :func:`check_sessions`, after a fit: with one geometry for all sessions, it finds smaller motions.
 
-    ``problem``, ``near``: the problem about the nominal machine, and the machine's poses, base frame.
+    ``problem``, ``near``: the problem about the nominal machine, and the machine's poses, base frame. ``least``: smallest
+    motion, m, for which data are refused.
 
     Raises `DatasetError` if motions of the frame between sessions explain most of the power of the residuals.
     """
-    _suspect(dataset, _moved_linear(dataset, problem, near), limits.SESSION_FAILED)
+    _suspect(dataset, _moved_linear(dataset, problem, near), least)
 
 
 def _moved_linear(dataset: Dataset, problem: Problem, near: Poses) -> dict[str, float]:
