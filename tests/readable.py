@@ -12,7 +12,7 @@ from gtpin.model.measured_robot import measuring, robot_of
 def check_as_they_stand(dataset: gtpin.Dataset) -> None:
     """As a calibration does before its fit, which takes seconds where readings do not fit."""
     nominal = gtpin.Model(gtpin.Geometry.nominal(measuring(robot_of(dataset), dataset)))
-    _, _, kept, near = usable_rows(dataset, nominal, lone=False)  # a distance is refused here
+    _, _, kept, near = usable_rows(dataset, nominal, tracked=False)  # a distance is refused here
     given = problem_of(kept, near, nominal, free=False).measured
 
     def fitted(some, index, rough=False):
