@@ -144,7 +144,7 @@ class LoopClosure:
             private = cross(C[:, :, 3:], here.p[:, None]) + C[:, :, :3]
             one, two = private[:, 0], private[:, 1]
             normal = cross(one, two)
-            square = np.einsum("lin,lin->ln", normal, normal)[:, None]
+            square = (normal * normal).sum(axis=1, keepdims=True)
             d = normal / np.sqrt(square)
             normal /= square
             alone = np.empty_like(private)
@@ -156,7 +156,7 @@ class LoopClosure:
         F = np.empty((len(here), len(d), 6))
         F[..., :3] = d.transpose(2, 0, 1)
         F[..., 3:] = cross(here.p[self.loop_of], d).transpose(2, 0, 1)
-        r = np.einsum("ein,ein->ne", d, here.g[self.loop_of])
+        r = (d * here.g[self.loop_of]).sum(axis=1).T
         return Equations(d, F, self.by_velocities(here, F, self.solved), r, alone)
 
     def gap(self, here: Here, equations: Equations | None = None) -> Floats:
@@ -205,8 +205,8 @@ class LoopClosure:
             V[:, self.solved] = solved = -(inverse @ r[..., None])[..., 0]
         if self.reduced:
             columns, moved = (self.solved, solved) if dq is None else (self.kept, V[:, self.kept])
-            opened = self._opened(here, moved, columns)
-            V[:, self.private] = -self._lead * np.einsum("lkin,lin->nlk", equations.alone, opened)
+            left = (equations.alone * self._opened(here, moved, columns)[:, None]).sum(axis=2)
+            V[:, self.private] = -self._lead * left.transpose(2, 0, 1)
         return V @ self.fold.T if self.follows else V
 
     def _opened(self, here: Here, v: Floats, columns: Ints) -> Floats:
