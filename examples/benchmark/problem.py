@@ -72,7 +72,7 @@ class Problem:
         design, found = self.hypotheses.design, {}
         for term in self.gains:
             X = design.columns(term.basis(design.operating_points))
-            found[term] = X[:, list(term.effect.core)] if term.effect.core else X
+            found[term] = X[:, [i for i in term.effect.core if i < X.shape[1]]] if term.effect.core else X
         return found
 
     @property
