@@ -34,6 +34,9 @@ from gtpin.model.model import Model
 
 Floats = npt.NDArray[np.float64]
 
+TEXTBOOK = {"cart_compliance": (0, 1, 2)}
+"""Columns of an effect's textbook form that are not its core: a carriage that gives way along and across, and does not tip."""
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -72,7 +75,8 @@ class Problem:
         design, found = self.hypotheses.design, {}
         for term in self.gains:
             X = design.columns(term.basis(design.operating_points))
-            found[term] = X[:, [i for i in term.effect.core if i < X.shape[1]]] if term.effect.core else X
+            core = TEXTBOOK.get(term.effect.id, term.effect.core)
+            found[term] = X[:, list(core)] if core else X
         return found
 
     @property
