@@ -19,6 +19,7 @@ from effect_places import (
     SETTINGS,
     Floats,
     active,
+    arm_with,
     basis,
     drawn,
     moved,
@@ -168,7 +169,7 @@ def test_the_core_of_an_effect_is_its_largest_columns(name: str) -> None:
 
 def test_the_form_of_a_carts_compliance_is_what_its_parameters_name() -> None:
     size = len(basis("cart_compliance", "cart2", FIT))
-    named = {"along", "across_a", "across_b"}
+    named = {"along", "across_a", "across_b", "roll", "tip_a", "tip_b"}
     core = {
         column
         for column in range(size)
@@ -234,7 +235,8 @@ def test_the_examples_of_a_docstring_run_and_give_what_they_show(module: str) ->
     assert found.failed == 0
 
 
-MACHINES = [operating_points(10, kinematics=drawn(name)) for name in ("gantry_tau", "stewart", "ur5")]
+SLIDING = arm_with('name="elbow" type="revolute"', 'name="elbow" type="prismatic"')
+MACHINES = [operating_points(10, kinematics=drawn(robot)) for robot in ("gantry_tau", "stewart", "ur5", SLIDING)]
 DRIVEN = DriverEffect(DriverColumn("payload", 10.0, 20.0), [Driver("payload", "platform", "z", 1e-4)])
 WITH_DRIVEN = {**EFFECTS, DRIVEN.id: DRIVEN}
 
