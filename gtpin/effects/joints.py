@@ -119,6 +119,7 @@ class BearingCompliance(Effect):
     acts_at = staticmethod(joints)
     depends_on = ("load", "payload")
     exported_as = "bearing_springs"
+    load = "moment across the axis"
     core = (0, 2, 4)
     plausible: ClassVar[Mapping[str, ParameterRange]] = {
         "tilt": ParameterRange(0.0, np.inf, "no bearing tilts against the moment that it carries")

@@ -198,6 +198,7 @@ class CartCompliance(Effect):
     acts_at = staticmethod(slides)
     depends_on = ("load", "payload")
     exported_as = "cart_springs"
+    load = "moment across the axis"
     core = (0, 1, 2, TIPS, TIPS + 1, TIPS + 2)
     plausible: ClassVar[Mapping[str, ParameterRange]] = {
         "along": ParameterRange(0.0, np.inf, "no cart moves against its links' pull"),
