@@ -222,6 +222,10 @@ def _diagnose(
     if not any(inertia.mass > 0.0 for inertia in nominal.model.inertias[1:]):
         what = "can be tested only by a recorded payload or force on the tool"
         warn(f"the links of {nominal.name} have no masses: effects of load {what}")
+    for number, actuator in enumerate(nominal.actuators):
+        led = [str(nominal.model.names[j]) for j, _ in nominal.carriers(number) if j != actuator.joint_id]
+        if led and actuator.joint_id not in nominal.moving_joints:
+            warn(f"{actuator.joint} does not carry the TCP itself: its effects are those of {', '.join(led)}")
     rng, priors = generator(seed), scope.priors
 
     # 1. Prepare: usable rows and columns, calibrated.

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtpin.effects.chain_motions import cart_load, joint_frame, of_body, of_joint
+from gtpin.effects.chain_motions import cart_load, joint_frame, of_body, of_joint, own_axis
 from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import ChainWords, Effect, ParameterRange, Parameters, unit
 from gtpin.effects.joints import no_load, symmetric
@@ -17,6 +17,8 @@ from gtpin.effects.sites import joints, slides, sliding_actuators, tracks, turns
 from gtpin.effects.smooth import approach, cosines, extent, wave
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.chain import Chain
+from gtpin.robot.parameters import rotation_axes
+from gtpin.robot.placement_frames import frame_of_joint
 from gtpin.typing import Floats
 
 ORDERS, DECAY = 20, 1.2
@@ -278,22 +280,25 @@ def _of_column(at: OperatingPoints, site: str) -> Displacement:
 
     With x along the axis from the origin of the joint's placement frame, where the load is F and M, the moment at a piece is
     M - x u x F. The piece turns by dtheta about its own place, which moves the frame's origin by x u x dtheta. Both are
-    integrated from the root, where the joint before is, to the slider.
+    integrated from the root, where the joint before is, to the slider. Stages of a telescope that follow one drive are beams
+    of their own.
     """
-    j, frame = at.robot.sites.index(site), joint_frame(at, site)
-    model, u = at.robot.model, frame.axis
-    placement = model.jointPlacements[at.robot.actuators[j].joint_id]
-    root = -float(u @ placement.rotation.T @ placement.translation)
-    slider, load = at.q[:, j], at.joint_loads[:, frame.index]
-    mean, spread = (values[frame.index, 3:] for values in at.references.joints)
-    usual = max(float(np.linalg.norm(frame.across @ mean) + np.linalg.norm(frame.across @ spread)), 1e-9)
-    moment, lever = load[:, 3:] @ frame.across.T, np.cross(u, load[:, :3]) @ frame.across.T
-    out = np.sign(slider - root)
-    first, second, third = (out * (slider**k - root**k) / k for k in (1, 2, 3))
-    turn = symmetric(moment * first[:, None] - lever * second[:, None]) @ frame.across
-    bend = symmetric(moment * second[:, None] - lever * third[:, None]) @ frame.across
-    a, b, skew = np.swapaxes(np.concatenate([np.cross(u, bend), turn], axis=2), 0, 1)
-    bent, harder = a + b, np.linalg.norm(moment, axis=1)[:, None] / usual - 1.0
-    columns = np.stack([a, b, skew, harder * bent, at.travel[:, [j]] * bent], axis=2)
+    j, model = at.robot.sites.index(site), at.robot.model
     sizes = [1.0, 1.0, 1.0, MODULATION.stiffening, MODULATION.extension]
-    return Displacement(unit(sizes, FLEXIBILITY), placements=((frame.index, columns),))
+    moved = []
+    for joint_id, ratio in at.robot.carriers(j):
+        place, u, index = model.jointPlacements[joint_id], own_axis(at.robot, joint_id), frame_of_joint(joint_id)
+        across, load = rotation_axes(u)[:2], at.joint_loads[:, index]
+        root = -float(u @ place.rotation.T @ place.translation)
+        slider = ratio * at.q[:, j] + at.robot.offset(joint_id)
+        mean, spread = (values[index, 3:] for values in at.references.joints)
+        usual = max(float(np.linalg.norm(across @ mean) + np.linalg.norm(across @ spread)), 1e-9)
+        moment, lever = load[:, 3:] @ across.T, np.cross(u, load[:, :3]) @ across.T
+        out = np.sign(slider - root)
+        first, second, third = (out * (slider**k - root**k) / k for k in (1, 2, 3))
+        turn = symmetric(moment * first[:, None] - lever * second[:, None]) @ across
+        bend = symmetric(moment * second[:, None] - lever * third[:, None]) @ across
+        a, b, skew = np.swapaxes(np.concatenate([np.cross(u, bend), turn], axis=2), 0, 1)
+        bent, harder = a + b, np.linalg.norm(moment, axis=1)[:, None] / usual - 1.0
+        moved.append((index, np.stack([a, b, skew, harder * bent, at.travel[:, [j]] * bent], axis=2)))
+    return Displacement(unit(sizes, FLEXIBILITY), placements=tuple(moved))
