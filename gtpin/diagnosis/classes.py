@@ -11,7 +11,7 @@ import numpy as np
 
 from gtpin.diagnosis.evidence import Posterior, without
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
-from gtpin.diagnosis.priors import CLASS_SHARE
+from gtpin.diagnosis.priors import CLASS_SHARE, UNDECIDED
 from gtpin.diagnosis.search import Gain, HypothesisSet, causes, smooth_of, with_lines
 
 
@@ -187,6 +187,8 @@ def unnamed(hypotheses: HypothesisSet, cause: Hypothesis) -> list[SmoothTerm]:
 Classes = Mapping[Hypothesis, tuple[ClassMember, ...]]
 FIRSTS = 4
 """Number of hypotheses that are tried as the first of the two. Assumed: the computing time is proportional to it."""
+MOST_ODDS = 30.0
+"""Largest logarithm of odds that is computed."""
 LEAST_SHARE = 0.5
 """Smallest gain of the first of the two, as a share of the cause's own. Assumed: of two that together explain as much as one
 cause, the larger explains at least half of it."""
@@ -211,11 +213,7 @@ def with_two_instead(hypotheses: HypothesisSet, model: Posterior[Term], classes:
         each = odds * leader / whole / 2.0
         if each < CLASS_SHARE * max(m.probability for m in members) / whole:
             continue
-        known = {m.hypothesis.place: replace(m, probability=m.probability / whole) for m in members}
-        for hypothesis, other in (two, two[::-1]):
-            alone = known.get(hypothesis.place, ClassMember(hypothesis, 0.0, beside=other))
-            known[hypothesis.place] = replace(alone, probability=alone.probability + each)
-        found[cause] = ordered(known.values(), cause)
+        found[cause] = ordered(_with_both(members, two, whole, each).values(), cause)
     for pair in combinations(causes(model), 2) if not hypotheses.long else ():
         rest = without(hypotheses.groups, without(hypotheses.groups, model, pair[0]), pair[1], sweeps=1)
         own = model.log_evidence - rest.log_evidence
@@ -228,6 +226,50 @@ def with_two_instead(hypotheses: HypothesisSet, model: Posterior[Term], classes:
             whole = 1.0 + odds * leader
             kept = [replace(m, probability=m.probability / whole) for m in members]
             found[cause] = ordered([*kept, ClassMember(other, odds * leader / whole)], cause)
+    return found
+
+
+def _with_both(
+    members: Iterable[ClassMember], two: tuple[Hypothesis, ...], whole: float, each: float
+) -> dict[tuple[str, str], ClassMember]:
+    """A class by places, its probabilities divided by ``whole``, in which each of two has ``each`` in addition."""
+    known = {m.hypothesis.place: replace(m, probability=m.probability / whole) for m in members}
+    for hypothesis, other in (two, two[::-1]):
+        alone = known.get(hypothesis.place, ClassMember(hypothesis, 0.0, beside=other))
+        known[hypothesis.place] = replace(alone, probability=alone.probability + each)
+    return known
+
+
+def with_shared_loads(hypotheses: HypothesisSet, model: Posterior[Term], classes: Classes) -> Classes:
+    """The classes in which another mechanism may share the load of a cause: a column bends on a base that rocks.
+
+    Both together are compared with the cause alone. No machine follows an equation exactly, so what the second gains may be
+    the first's departure; the prior odds against it are bounded by `imitation`, as those against what explains as much as the
+    cause. Each has half of the probability of both, but the cause, where it is likely as not alone or with the other, at least
+    0.5. Study: tests/diagnosis/test_telescope.py.
+    """
+    found, priors = dict(classes), hypotheses.priors
+    for cause, members in classes.items():
+        alike = [h for h in hypotheses.linear if h.site == cause.site and h.effect.load == cause.effect.load]
+        for other in [h for h in alike if cause.effect.load and h not in model.terms]:
+            both, rest = hypotheses.extended(model, other), without(hypotheses.groups, model, cause, sweeps=1)
+            temperature = priors.temperature_of(model.log_evidence - rest.log_evidence)
+            costs = (sum(hypotheses.costs(one.terms).values()) for one in (both, model))
+            against = next(costs) - next(costs)
+            ahead = (both.log_evidence - model.log_evidence) / temperature - min(
+                against / temperature, priors.imitation
+            )
+            odds, leader = exp(min(ahead, MOST_ODDS)), own_probability(members, cause)
+            whole = 1.0 + odds * leader
+            each = odds * leader / whole / 2.0
+            if each < CLASS_SHARE * leader:
+                continue
+            known = _with_both(members, (cause, other), whole, each)
+            own, second = known[cause.place], known[other.place]
+            lacking = max(min(UNDECIDED - own.probability, second.probability), 0.0)
+            known[cause.place] = replace(own, probability=own.probability + lacking, beside=None)
+            known[other.place] = replace(second, probability=second.probability - lacking)
+            found[cause] = members = ordered(known.values(), cause)
     return found
 
 

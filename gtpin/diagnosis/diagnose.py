@@ -27,6 +27,7 @@ from gtpin.diagnosis.doubts import (
 from gtpin.diagnosis.gap import blocks_of, check_hold_out, gaps, lost, unexplained, where, without_certainty
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.joint_fit import cause, fit_together
+from gtpin.diagnosis.leaders import leaders
 from gtpin.diagnosis.next_experiment import classes, plan
 from gtpin.diagnosis.noise import (
     MOST_POSES,
@@ -221,6 +222,10 @@ def _diagnose(
     if not any(inertia.mass > 0.0 for inertia in nominal.model.inertias[1:]):
         what = "can be tested only by a recorded payload or force on the tool"
         warn(f"the links of {nominal.name} have no masses: effects of load {what}")
+    for number, actuator in enumerate(nominal.actuators):
+        led = [str(nominal.model.names[j]) for j, _ in nominal.carriers(number) if j != actuator.joint_id]
+        if led and actuator.joint_id not in nominal.moving_joints:
+            warn(f"{actuator.joint} does not carry the TCP itself: its effects are those of {', '.join(led)}")
     rng, priors = generator(seed), scope.priors
 
     # 1. Prepare: usable rows and columns, calibrated.
@@ -281,7 +286,9 @@ def _diagnose(
     causes = sorted((c for c in causes if (c.effect, c.site) not in small_causes), key=lambda c: -c.explained_fraction)
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
     no_cause = {c.place for c in found.classes} | {(q.effect, q.site) for q in asked if not q.believed}
-    could_be = tuple(dict.fromkeys((*(place for place in found.likely if place not in no_cause), *remaining.could_be)))
+    nearest, best = leaders(hypotheses, found, context.blocks, no_cause, whole) if found.doubts else ((), None)
+    likely = (*found.likely, *((one.effect, one.site) for one in nearest[:1] if best is not None))
+    could_be = tuple(dict.fromkeys((*(place for place in likely if place not in no_cause), *remaining.could_be)))
 
     # 5. Plan what to measure next.
     report("what to measure next", 0, float("nan"))
@@ -303,7 +310,9 @@ def _diagnose(
         where=where(hypotheses, found.alone, regions),
         gap=whole,
         noise_source=shown.source,
-        unexplained=replace(remaining, could_be=could_be, descriptions=found.descriptions),
+        unexplained=replace(
+            remaining, could_be=could_be, descriptions=found.descriptions, leaders=nearest, best_known=best
+        ),
         baseline=prepared.baseline,
         model=model,
         set_aside=tuple(dict.fromkeys(str(pose) for pose in recorded.pose[aside])),

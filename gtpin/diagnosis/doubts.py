@@ -23,7 +23,7 @@ from gtpin.diagnosis.gap import leave_out
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
 from gtpin.diagnosis.noise import SearchState, ShownNoise, floor_of, left_over
 from gtpin.diagnosis.prepare import Prepared
-from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS, UNDECIDED, Priors
+from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS, SURE, UNDECIDED, Priors
 from gtpin.diagnosis.result import Cause, Doubt, FlexibleFamily, Gap, Question
 from gtpin.diagnosis.search import HypothesisSet
 from gtpin.diagnosis.verdict import Conclusion, infer, size, weak
@@ -325,6 +325,21 @@ def questions(found: Conclusion, causes: Iterable[Cause], priors: Priors) -> lis
     return sorted(asked, key=lambda question: question.believed)
 
 
+def causes_reach_noise(context: FittedContext) -> Conclusion | None:
+    """No doubt by smooth terms where the named causes alone leave less than noise, and close the gap.
+
+    What a smooth term gains is then within the noise: neighbouring poses share a part of it, or it is declared too large.
+    Study: tests/diagnosis/test_causes_reach_noise.py.
+    """
+    found, hypotheses, shown = context.found, context.hypotheses, context.shown
+    if not found.classes or {doubt.reason for doubt in found.doubts} != {"smooth_term"}:
+        return None
+    chance = shown.excess(shown.noise, context.settled.observed, hypotheses, found.model)[1]
+    before, after, floor = context.gap.before**2, context.gap.after**2, context.gap.floor**2
+    closed = after - floor <= hypotheses.priors.core_leaves * (before - floor)
+    return replace(found, doubts=(), beside=NOTHING) if closed and chance >= SURE else None
+
+
 def impossible_parameters(context: Context) -> Conclusion | None:
     """``impossible``: a cause would need a parameter that physics does not allow; something unknown looks like it.
 
@@ -415,9 +430,14 @@ def _scatter(context: Context) -> float:
     return float(np.median(noise.repeatability * moved / noise.each))
 
 
-OF_THE_SEARCH = (flexible_families, rounded_commands, rows_in_two_groups, worse_predictions)
+OF_THE_SEARCH = (
+    flexible_families,
+    rounded_commands,
+    rows_in_two_groups,
+    worse_predictions,
+)
 """Rules that need nothing but the search."""
 OF_THE_FIT = (impossible_parameters,)
 """Rules that need the causes' parameters, fitted together with the geometry."""
-OF_LEFT_OUT_POSES = (errors_beyond_noise, hidden_in_scatter)
+OF_LEFT_OUT_POSES = (causes_reach_noise, errors_beyond_noise, hidden_in_scatter)
 """Rules that need the errors on left-out poses."""

@@ -161,6 +161,27 @@ class Correlate(NamedTuple):
     odds: float
 
 
+class Leader(NamedTuple):
+    """A mechanism that comes near to what is unknown.
+
+    Its effect and site; its gain in log evidence beside the named causes, nats; the error on left-out poses, as in
+    :class:`Gap`, of the geometry with the named causes and it.
+    """
+
+    effect: str
+    site: str
+    log_evidence: float
+    left: float
+
+
+class BestKnown(NamedTuple):
+    """The mechanisms that together explain most of the gap, the named causes first, and the error on left-out poses, as in
+    :class:`Gap`, that they leave."""
+
+    effects: tuple[tuple[str, str], ...]
+    left: float
+
+
 @dataclass(frozen=True)
 class Unexplained:
     """What is left after the causes.
@@ -168,9 +189,11 @@ class Unexplained:
     ``share``: Chi-square beyond its expected value, divided by the same quantity with the geometry alone; 0 to 1. ``p_value``:
     probability that noise alone gives a larger chi-square. ``correlates``: the smooth terms that correlate with the residuals,
     the largest gain in log evidence first, one of each site over the same coordinates; five at most. ``could_be``: effect and
-    site of effects that could be the unknown: likely causes that these data do not tell from it, then untestable effects whose
-    proxies explain the residuals about as well as the best smooth term, then those at its site that have no proxy.
-    ``descriptions``: flexible families that explain a part of them and are no causes.
+    site of effects that could be the unknown: likely causes that these data do not tell from it, then the first leader, then
+    untestable effects whose proxies explain the residuals about as well as the best smooth term, then those at its site that
+    have no proxy. ``descriptions``: flexible families that explain a part of them and are no causes. ``leaders``: where
+    something unknown is assumed, the mechanisms of the catalogue by evidence, five at most. ``best_known``: the best set of
+    mechanisms; None where no set explains a tenth of the gap's squares.
     """
 
     share: float
@@ -178,6 +201,8 @@ class Unexplained:
     correlates: tuple[Correlate, ...]
     could_be: tuple[tuple[str, str], ...] = ()
     descriptions: tuple[FlexibleFamily, ...] = ()
+    leaders: tuple[Leader, ...] = ()
+    best_known: BestKnown | None = None
 
 
 Reason = Literal[

@@ -22,7 +22,8 @@ from gtpin.typing import Floats
 class JointFrame:
     """The frame of what an actuator carries, in which its error motions are expressed.
 
-    Of a joint this is its placement frame. Of a cart it has the base frame's axes, and the mean of the cart's joints as origin.
+    Of a joint this is its placement frame; of one that does not carry the TCP itself, that of the first joint that does and
+    follows it (``<mimic>``). Of a cart it has the base frame's axes, and the mean of the cart's joints as origin.
 
     ``index``: index of the placement frame that moves: see :mod:`~gtpin.robot.placement_frames`. ``axis``: (3,) unit vector of
     the actuator's axis, in the frame's axes: the actuator slides along it or turns about it. ``across``: (2, 3) unit vectors a
@@ -45,8 +46,15 @@ def joint_frame(at: OperatingPoints, site: str) -> JointFrame:
     """The frame of what the actuator at a site carries, and its axis in it."""
     number = at.robot.sites.index(site)
     actuator, rods = at.robot.actuators[number], at.robot.rods_on(number)
-    axis = np.asarray(actuator.axis) if rods else at.kinematics.axis(number)
-    return JointFrame(frame_of_joint(actuator.joint_id), axis, rotation_axes(axis)[:2], rods)
+    joint_id = at.robot.carriers(number)[0][0]
+    axis = np.asarray(actuator.axis) if rods else own_axis(at.robot, joint_id)
+    return JointFrame(frame_of_joint(joint_id), axis, rotation_axes(axis)[:2], rods)
+
+
+def own_axis(robot: Chain, joint_id: int) -> Floats:
+    """(3,) unit vector along or about which a joint moves, in its placement frame."""
+    twist = joint_axis(robot.model, joint_id)
+    return np.asarray(twist[3:] if twist[3:].any() else twist[:3])
 
 
 def of_joint(at: OperatingPoints, site: str, ways: Floats, columns: Floats, sigma: Floats) -> Displacement:

@@ -149,6 +149,9 @@ class Effect(ABC):
     """Whether the parameters in metres are of an actuator's travel. They are in radians where the actuator turns."""
     of_own_command: ClassVar[bool] = False
     """Whether its displacement is a curve: a deviation of an actuator's travel that depends on its own command alone."""
+    load: ClassVar[str] = ""
+    """The load at its site that displaces what is there. Mechanisms of one load at one site can share it: a base that rocks,
+    and the column on it that bends. Empty where no other mechanism has the same load."""
     stretches_frame: ClassVar[bool] = False
     """Whether it scales all measured positions by one factor. If so, the smooth nonparametric terms contain no such scaling."""
     exported_as: ClassVar[

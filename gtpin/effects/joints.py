@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtpin.effects.chain_motions import joint_frame, of_joint
+from gtpin.effects.chain_motions import joint_frame, of_body, of_joint
 from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import Effect, ParameterRange, Parameters, unit
 from gtpin.effects.modulation import MODULATION
@@ -94,15 +94,21 @@ def no_load(at: OperatingPoints) -> Untestable:
 
 
 class BearingCompliance(Effect):
-    """dtheta = k_a (M . a) a + k_b (M . b) b; dtheta is the tilt of the joint's placement frame about its origin, rad.
+    """dtheta = K M; dtheta is the tilt of the joint's placement frame about its origin, rad, and K a symmetric matrix:
+
+    K M = k_a (M . a) a + k_b (M . b) b + k_ab ((M . b) a + (M . a) b).
 
     M, N m, is the moment on the joint. It is computed from statics: gravity of the links beyond the joint and of the payload,
     and the force on the tool. The unit vectors a and b are perpendicular to the joint's axis. The vectors are in the placement
-    frame. The modulation: the compliances k_a and k_b depend on the magnitude of the moment.
+    frame. Feet and bolts give way about axes of their own, which k_ab turns from a and b. The modulation: k_a and k_b depend on
+    the magnitude of the moment. At a joint that the base carries, the base may rock in the place of the bearing: about a
+    point between the joint and the origin of the base frame, and by more as it settles. Before the fit's first pose
+    and after its last, and where a prediction has no ``time``, it has settled as at the nearer of both, or as at the last.
 
     Parameters: ``tilt``, the mean of k_a and k_b, positive where the bearing tilts in the direction of the moment;
-    ``difference``, k_a less k_b; ``stiffening``: by how much ``tilt`` increases when the moment becomes twice the usual one,
-    negative where the bearing becomes stiffer. All are in rad/(N m).
+    ``difference``, k_a less k_b; ``skew``, k_ab; ``stiffening``: by how much ``tilt`` increases when the moment becomes twice
+    the usual one, negative where the bearing becomes stiffer; where the base carries the joint and ``time`` is recorded,
+    ``settling``: by how much ``tilt`` increases from the first pose of the fit to the last. All are in rad/(N m).
 
     Typical size: 5e-6 rad/(N m): crossed roller bearings of medium gear units have some 2e5 N m/rad (catalogue values).
     """
@@ -118,7 +124,8 @@ class BearingCompliance(Effect):
     acts_at = staticmethod(joints)
     depends_on = ("load", "payload")
     exported_as = "bearing_springs"
-    core = (0, 2)
+    load = "moment across the axis"
+    core = (0, 2, 4)
     plausible: ClassVar[Mapping[str, ParameterRange]] = {
         "tilt": ParameterRange(0.0, np.inf, "no bearing tilts against the moment that it carries")
     }
@@ -131,17 +138,40 @@ class BearingCompliance(Effect):
         moment = at.joint_loads[:, frame.index, 3:] @ frame.across.T
         mean, spread = (values[frame.index, 3:] for values in at.references.joints)
         usual = max(float(np.linalg.norm(mean) + np.linalg.norm(spread)), 1e-9)
-        harder = np.linalg.norm(moment, axis=1, keepdims=True) / usual - 1.0
-        ways = np.zeros((6, 2))
-        ways[3:] = frame.across.T
-        return of_joint(
-            at, site, ways, np.stack([moment, harder * moment], axis=2), unit([1.0, MODULATION.stiffening] * 2, 5e-6)
+        harder = np.linalg.norm(moment, axis=1)[:, None, None] / usual - 1.0
+        tilts = symmetric(moment) @ frame.across  # (N, 3 coefficients, 3 axes)
+        columns = np.stack(
+            [tilts[:, 0], harder[:, 0] * tilts[:, 0], tilts[:, 1], harder[:, 0] * tilts[:, 1], tilts[:, 2]], axis=2
         )
+        sizes = [1.0, MODULATION.stiffening, 1.0, MODULATION.stiffening, 1.0]
+        twist = np.concatenate([np.zeros_like(columns), columns], axis=1)
+        model, joint_id = at.robot.model, at.robot.actuators[at.robot.sites.index(site)].joint_id
+        if not model.parents[joint_id]:
+            turns = np.swapaxes(tilts, 1, 2)
+            base = np.asarray(model.jointPlacements[joint_id].actInv(np.zeros(3)))  # its origin, in the frame
+            rocks = np.concatenate([np.cross(turns, -base, axisa=1, axisb=0, axisc=1), np.zeros_like(turns)], axis=1)
+            twist = np.concatenate([twist, rocks], axis=2)
+            sizes += [MODULATION.pivot] * 3
+            if at.has("time"):
+                late = np.clip(at.time, -1.0, 1.0) if "time" in at.covariates else np.ones(len(at))
+                settles = np.concatenate([np.zeros_like(turns), turns * late[:, None, None]], axis=1)
+                twist = np.concatenate([twist, settles], axis=2)
+                sizes += [MODULATION.settling] * 3
+        return of_body(at, site, twist, unit(sizes, 5e-6))
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
-        a, harder_a, b, harder_b = (float(c) for c in coefficients)
-        found = {"tilt": (a + b) / 2.0, "difference": a - b, "stiffening": (harder_a + harder_b) / 2.0}
+        a, harder_a, b, harder_b, skew = (float(c) for c in coefficients[:5])
+        found = {"tilt": (a + b) / 2.0, "difference": a - b, "skew": skew, "stiffening": (harder_a + harder_b) / 2.0}
+        if len(late := coefficients[8:]):
+            found["settling"] = float(late[0] + late[1])
         return {name: (value, "rad/(N m)") for name, value in found.items()}
+
+
+def symmetric(v: Floats) -> Floats:
+    """(N, 3, 2) products of the three symmetric unit matrices, (a, a), (b, b) and (a, b), with vectors (N, 2)."""
+    a, b = v.T
+    none = np.zeros_like(a)
+    return np.stack([np.stack(pair, axis=1) for pair in ((a, none), (none, b), (b, a))], axis=1)
 
 
 HARMONICS, FALLING = 4, 1.0

@@ -51,7 +51,12 @@ class Modulation:
     links: float = 0.2
     """Difference of compliance or expansion between the links of one arm. Assumed: the links are of the same type."""
     extension: float = 0.5
-    """Variation of a leg's compliance over its range: an extended leg has a longer screw. Assumed."""
+    """Variation of a leg's or a column's compliance over its range: an extended leg has a longer screw. Assumed."""
+    pivot: float = 0.5
+    """Tilt about the origin of the base frame over that about the first joint: the point about which a base rocks lies between
+    the two. Assumed."""
+    settling: float = 0.5
+    """Change of a base's compliance over the time of a fit, as soft ground and wood creep under load. Assumed."""
     soft_clearance: float = 0.3
     """Smooth transition of a play where the force is small. Assumed."""
     yielding: float = 0.15

@@ -30,6 +30,11 @@ def guided(robot: Chain) -> tuple[str, ...]:
     return joints(robot) or sliding_actuators(robot)
 
 
+def slides(robot: Chain) -> tuple[str, ...]:
+    """Sites of the actuators that slide: of carriers along a track, and of joints of a robot without rods."""
+    return (*sliding_actuators(robot), *(site for site in joints(robot) if not turns(robot, site)))
+
+
 def links(robot: Chain) -> tuple[str, ...]:
     """Sites of the rods."""
     return robot.rod_sites

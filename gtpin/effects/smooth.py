@@ -12,6 +12,7 @@ from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import number, turning_joint
 from gtpin.errors import ModelError, warn
 from gtpin.kinematics.rotations import frame_motions
+from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.placement_frames import frame_of_joint
 from gtpin.typing import Floats
 
@@ -195,8 +196,10 @@ def loads_of(at: OperatingPoints, site: str) -> tuple[Floats, Floats, Floats]:
         mean, spread = at.references.force
         return at.force[:, rods], mean[rods], spread[rods]
     j = at.robot.sites.index(site)
-    index, still = frame_of_joint(at.robot.actuators[j].joint_id), np.zeros(3)
-    along = at.kinematics.axis(j)
-    axis = np.concatenate([still, along] if at.robot.actuators[j].revolute else [along, still])
-    mean, spread = (values[index] for values in at.references.joints)
-    return at.joint_loads[:, [index]] @ axis, np.array([mean @ axis]), np.array([np.linalg.norm(spread * axis)])
+    load, middle, about = np.zeros((len(at), 1)), 0.0, 0.0
+    for joint_id, ratio in at.robot.carriers(j):  # by virtual work, a joint that follows loads its master by its ratio
+        index, axis = frame_of_joint(joint_id), ratio * joint_axis(at.robot.model, joint_id)
+        means, spreads = (values[index] for values in at.references.joints)
+        load += at.joint_loads[:, [index]] @ axis
+        middle, about = middle + float(means @ axis), about + float(np.linalg.norm(spreads * axis))
+    return load, np.array([middle]), np.array([about])

@@ -7,15 +7,18 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtpin.effects.chain_motions import cart_load, joint_frame, of_body, of_joint
+from gtpin.effects.chain_motions import cart_load, joint_frame, of_body, of_joint, own_axis
 from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import ChainWords, Effect, ParameterRange, Parameters, unit
+from gtpin.effects.joints import no_load, symmetric
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.operating_points import OperatingPoints
-from gtpin.effects.sites import sliding_actuators, tracks, turns
+from gtpin.effects.sites import joints, slides, sliding_actuators, tracks, turns
 from gtpin.effects.smooth import approach, cosines, extent, wave
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.chain import Chain
+from gtpin.robot.parameters import rotation_axes
+from gtpin.robot.placement_frames import frame_of_joint
 from gtpin.typing import Floats
 
 ORDERS, DECAY = 20, 1.2
@@ -182,6 +185,17 @@ class CartCompliance(Effect):
     becomes stiffer; for a cart with more than one joint also ``roll``, ``tip_a``, ``tip_b``: k_e, rad/(N m), positive where
     the cart turns in the direction of the moment.
 
+    At a sliding joint of a robot without rods, what bends is the structure between the joint before it (the base's frame, for a
+    first joint) and the slider: a telescope, a column, the mast of a lift. It is a beam along the joint's axis, fixed at the
+    origin of the frame before, so that it bends by more the farther the slider is out. Each piece of it of length dx turns by
+    dtheta = C M dx, where M, N m, is the moment of the slider's load at that piece, and C M = c_a (M . a) a + c_b (M . b) b +
+    c_ab ((M . b) a + (M . a) b) as in ``bearing_compliance``. The modulation: c depends on the load and on the place along
+    the travel, as the inner parts of a telescope are thinner.
+    Parameters: ``bending``, the mean of c_a and c_b, positive where the structure bends in the direction of the load;
+    ``difference``, c_a less c_b; ``skew``, c_ab; ``stiffening``: by how much ``bending`` increases when the moment on the
+    slider becomes twice the usual one; ``drawn_out``: by how much from the middle of the fit's commands to their upper end. All
+    are in 1/(N m^2).
+
     Typical sizes: ``along`` 5e-8 m/N (20 N/um), ``across_a`` and ``across_b`` 3e-8 m/N, ``roll``, ``tip_a`` and
     ``tip_b`` 5e-7 rad/(N m): guesses for rack, gear and servo in series with a stiffer carriage. Dressler et al. 2010,
     section V, assumes a lack of stiffness of cart 2.
@@ -190,17 +204,28 @@ class CartCompliance(Effect):
     id = "cart_compliance"
     title = "cart deflection under load"
     clause = "{site} moves and tilts under the forces of its links"
+    of_chains = ChainWords(
+        clause="the structure of {site} bends under load, by more the farther it is out",
+        remedy="Use the corrected model with the payload given; stiffen the column, or work with it drawn in.",
+    )
     remedy = "Check carriage preload and pinion stiffness; use the corrected model with the payload given."
     coefficient = ("along", "m/N")
-    acts_at = staticmethod(sliding_actuators)
+    acts_at = staticmethod(slides)
     depends_on = ("load", "payload")
     exported_as = "cart_springs"
+    load = "moment across the axis"
     core = (0, 1, 2, TIPS, TIPS + 1, TIPS + 2)
     plausible: ClassVar[Mapping[str, ParameterRange]] = {
-        "along": ParameterRange(0.0, np.inf, "no cart moves against its links' pull")
+        "along": ParameterRange(0.0, np.inf, "no cart moves against its links' pull"),
+        "bending": ParameterRange(0.0, np.inf, "no structure bends against its load"),
     }
 
+    def untestable(self, at: OperatingPoints, site: str) -> Untestable | str | None:
+        return no_load(at) if joints(at.robot) and not at.joint_loads.any() else super().untestable(at, site)
+
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
+        if joints(at.robot):
+            return _of_column(at, site)
         j = at.robot.sites.index(site)
         frame = joint_frame(at, site)
         rods, axes = list(frame.on_cart), np.vstack([frame.axis, frame.across])
@@ -234,6 +259,13 @@ class CartCompliance(Effect):
                     sizes.append(share * TIP)
         return of_body(at, site, np.stack(columns, axis=2), unit(sizes, 1.0))
 
+    def parameters_at(self, robot: Chain, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
+        if not joints(robot):
+            return self.parameters(coefficients, shape_parameter)
+        a, b, skew, harder, out = (float(c) for c in coefficients)
+        found = {"bending": (a + b) / 2.0, "difference": a - b, "skew": skew, "stiffening": harder, "drawn_out": out}
+        return {name: (value, "1/(N m^2)") for name, value in found.items()}
+
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         names = {"along": 0, "across_a": 1, "across_b": 2, "stiffening": 3}
         found = {name: (float(coefficients[i]), "m/N") for name, i in names.items()}
@@ -250,3 +282,36 @@ def _smallest(at: OperatingPoints, rods: list[int], axes: Floats) -> Floats:
     parts = direction[rods] @ axes.T
     usual = np.abs(mean[rods] @ parts) + np.sqrt((spread[rods] ** 2) @ parts**2)
     return np.asarray(np.maximum(usual / 2.0, 1e-9))
+
+
+FLEXIBILITY = 1e-5
+"""Typical flexibility of a structure in bending, 1/(N m^2): as that of a link (``link_compliance``)."""
+
+
+def _of_column(at: OperatingPoints, site: str) -> Displacement:
+    """Basis of the bending of the structure between the joint before a sliding one and its slider.
+
+    With x along the axis from the origin of the joint's placement frame, where the load is F and M, the moment at a piece is
+    M - x u x F. The piece turns by dtheta about its own place, which moves the frame's origin by x u x dtheta. Both are
+    integrated from the root, where the joint before is, to the slider. Stages of a telescope that follow one drive are beams
+    of their own.
+    """
+    j, model = at.robot.sites.index(site), at.robot.model
+    sizes = [1.0, 1.0, 1.0, MODULATION.stiffening, MODULATION.extension]
+    moved = []
+    for joint_id, ratio in at.robot.carriers(j):
+        place, u, index = model.jointPlacements[joint_id], own_axis(at.robot, joint_id), frame_of_joint(joint_id)
+        across, load = rotation_axes(u)[:2], at.joint_loads[:, index]
+        root = -float(u @ place.rotation.T @ place.translation)
+        slider = ratio * at.q[:, j] + at.robot.offset(joint_id)
+        mean, spread = (values[index, 3:] for values in at.references.joints)
+        usual = max(float(np.linalg.norm(across @ mean) + np.linalg.norm(across @ spread)), 1e-9)
+        moment, lever = load[:, 3:] @ across.T, np.cross(u, load[:, :3]) @ across.T
+        out = np.sign(slider - root)
+        first, second, third = (out * (slider**k - root**k) / k for k in (1, 2, 3))
+        turn = symmetric(moment * first[:, None] - lever * second[:, None]) @ across
+        bend = symmetric(moment * second[:, None] - lever * third[:, None]) @ across
+        a, b, skew = np.swapaxes(np.concatenate([np.cross(u, bend), turn], axis=2), 0, 1)
+        bent, harder = a + b, np.linalg.norm(moment, axis=1)[:, None] / usual - 1.0
+        moved.append((index, np.stack([a, b, skew, harder * bent, at.travel[:, [j]] * bent], axis=2)))
+    return Displacement(unit(sizes, FLEXIBILITY), placements=tuple(moved))

@@ -17,7 +17,7 @@ from gtpin.report.words import number_word
 
 def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
     """The content of ``diagnosis.json``."""
-    none, where, unexplained = d.verdict == "none", d.where, d.unexplained
+    none, where, unexplained, best = d.verdict == "none", d.where, d.unexplained, d.unexplained.best_known
     geometry = [
         _of(one, "value", "sigma", "unit", "position_rms") | {"parameter": one.name}
         for one in (departures_of(d) if isinstance(d, Diagnosis) else ())
@@ -50,7 +50,9 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
                 _of(t, "effect", "site") | {"over": list(t.over)} | _of(t, "rms", "probability")
                 for t in unexplained.descriptions
             ],
-            "could_be": [{"effect": effect, "site": site} for effect, site in unexplained.could_be],
+            "could_be": [_place(place) for place in unexplained.could_be],
+            "leaders": [_of(one, "effect", "site", "log_evidence", "left") for one in unexplained.leaders],
+            "best_known": best and {"effects": [_place(place) for place in best.effects], "left": best.left},
             "questions": [
                 _of(q, "effect", "site", "parameter", "value", "sigma", "unit")
                 | {"expected": [end if np.isfinite(end) else None for end in (q.low, q.high)]}
@@ -65,6 +67,10 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
 
 def _of(one: object, *names: str) -> dict[str, Any]:
     return {name: getattr(one, name) for name in names}
+
+
+def _place(place: tuple[str, str]) -> dict[str, str]:
+    return dict(zip(("effect", "site"), place, strict=True))
 
 
 def _class(members: Iterable[Member]) -> list[dict[str, Any]]:

@@ -37,6 +37,8 @@ TONES = {"none": "good", "explained": "accent", "ambiguous": "warn", "unknown": 
 """Colour of the badge, by verdict."""
 PLACES = 2
 """Most places of an unknown error that its headline names."""
+NEARLY = 0.8
+"""Share of what the best mechanism explains from which another one is named with it."""
 LISTED = 5
 """Number of listed effects that could be the unknown cause."""
 
@@ -186,7 +188,7 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
             "known effects."
         )
     moved = "The unknown error can change the parameters of the geometry by more than their sigmas."
-    advice = [look, *doubt_words(d.doubts), *could_be(d), moved]
+    advice = [nearest(d), look, *doubt_words(d.doubts), *could_be(d), moved]
     lines = cause_lines(d, most=1)
     if lines:
         headline = f"Also {headline[:1].lower()}{headline[1:]}"
@@ -290,6 +292,21 @@ def not_recorded(d: Diagnosis) -> list[str]:
             f"{' (0 if the machine stood still)' if speeds else ''}, and diagnose again."
         )
     return found
+
+
+def nearest(d: Diagnosis) -> str:
+    """How much the mechanisms explain that come nearest to what is unknown; empty where none does."""
+    best, before = d.unexplained.best_known, d.gap.before
+    if best is None:
+        return ""
+    of = f"{100.0 * (1.0 - best.left / before):.0f} % of the error"
+    if not d.gap.by_instrument:
+        of = f"{length(before - best.left)} of {length(before)}"
+    names = joined([named(d.effect(effect), site) for effect, site in best.effects])
+    others = [one for one in d.unexplained.leaders if (one.effect, one.site) not in best.effects]
+    if len(best.effects) == 1 and others and before - others[0].left > NEARLY * (before - best.left):
+        names += f", or {named(d.effect(others[0].effect), others[0].site)}"
+    return f"The best that is known explains {of} at left-out poses: {names}."
 
 
 def could_be(d: Diagnosis) -> list[str]:

@@ -112,13 +112,17 @@ class MovingLink:
 
 
 def moving_links(robot: ConstrainedModel) -> tuple[MovingLink, ...]:
-    """The links of the actuated joints, in the joints' order; those without a joint or TCP beyond them are left out."""
+    """The links of the actuated joints, in the joints' order, and of those that carry the TCP and follow one of them.
+
+    Those without a joint or TCP beyond them are left out.
+    """
     names: dict[int, str] = {}
     for frame in robot.model.frames:
         if frame.type == pin.FrameType.BODY:
             names.setdefault(int(frame.parentJoint), str(frame.name))
     found = []
-    for joint_id in (actuator.joint_id for actuator in robot.actuators):
+    carriers = (robot.carriers(number) for number in range(len(robot.actuators)))
+    for joint_id in (joint for moved in carriers for joint, _ in moved):
         tip = _tip(robot, joint_id)
         if tip is not None and joint_id in names:
             found.append(MovingLink(names[joint_id], joint_id, tip))

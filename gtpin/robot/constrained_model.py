@@ -373,6 +373,22 @@ class ConstrainedModel:
         """A derivative (..., nv) by Pinocchio velocities, in which the columns of masters include the motion of followers."""
         return derivative @ self.fold if self.followers else derivative
 
+    def carriers(self, actuator: int) -> tuple[tuple[int, float], ...]:
+        """Joints that carry the TCP and that an actuator moves: its own, then those that follow it, each with its ratio.
+
+        Its own joint alone in a robot with loops, and where nothing that it moves carries the TCP.
+        """
+        own, model = self.actuators[actuator], self.model
+        way = [] if self.constraints else [int(j) for j in model.supports[self.tcp_joint]]
+        ratio = {f.index_v: f.multiplier for f in self.followers if f.master_v == own.index_v}
+        led = [(j, ratio[int(model.idx_vs[j])]) for j in way if j and int(model.idx_vs[j]) in ratio]
+        return ((own.joint_id, 1.0), *led) if own.joint_id in way or not led else tuple(led)
+
+    def offset(self, joint_id: int) -> float:
+        """Coordinate of a joint, m or rad, where the joint that it follows is at zero; 0 where it follows none."""
+        index = int(self.model.idx_vs[joint_id])
+        return next((follower.offset for follower in self.followers if follower.index_v == index), 0.0)
+
     def closing(self, gaps: Floats) -> Floats:
         """Values (m, ...) of the closure equations, from the vectors (3 k, ...) between the anchors of k loops.
 

@@ -1,5 +1,6 @@
 """Effects at their sites on a Gantry-Tau and an arm drawn from their tolerances, under conditions in which all of them show."""
 
+import re
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,6 +15,7 @@ from gtpin.effects.displacement import Displacement
 from gtpin.effects.operating_points import Column, OperatingPoints, References
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
+from gtpin.robot.description import RobotDescription
 
 Floats = np.ndarray
 EFFECTS = effects_by_id()
@@ -80,6 +82,11 @@ def operating_points(
 def nominal_at(robot: gtpin.Robot, q: Floats, told: dict[str, Column] | None = None) -> OperatingPoints:
     kinematics = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics
     return OperatingPoints(kinematics, q, kinematics.forward(q), told or {})
+
+
+def arm_with(old: str, new: str) -> gtpin.Robot:
+    """The arm with a part of its URDF replaced, by a regular expression."""
+    return gtpin.Robot(RobotDescription.parse(re.sub(old, new, ARM_FILE.read_text(encoding="utf-8"))))
 
 
 arm_points = partial(operating_points, kinematics=drawn(ARM))

@@ -1,6 +1,5 @@
 """Effects at joints and links of robots without rods: signatures, signs, units, and what can't be tested."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +7,11 @@ import pinocchio as pin
 import pytest
 from effect_places import (
     ARM,
-    ARM_FILE,
     ARM_FIT,
     EFFECTS,
     active,
     arm_points,
+    arm_with,
     basis,
     drawn,
     given,
@@ -28,14 +27,8 @@ import gtpin
 from gtpin.effects.chain_motions import joint_frame
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.untestable import Untestable
-from gtpin.robot.description import RobotDescription
 
 G, LENGTH = 9.81, 0.8
-
-
-def arm_with(old: str, new: str) -> gtpin.Robot:
-    """The arm with a part of its URDF replaced, by a regular expression."""
-    return gtpin.Robot(RobotDescription.parse(re.sub(old, new, ARM_FILE.read_text(encoding="utf-8"))))
 
 
 def of_beam(axis: str = "0 0 1", payload: float = 0.0, mass: float = 0.0, warmer: float = 0.0) -> OperatingPoints:

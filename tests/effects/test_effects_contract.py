@@ -19,6 +19,7 @@ from effect_places import (
     SETTINGS,
     Floats,
     active,
+    arm_with,
     basis,
     drawn,
     moved,
@@ -234,7 +235,8 @@ def test_the_examples_of_a_docstring_run_and_give_what_they_show(module: str) ->
     assert found.failed == 0
 
 
-MACHINES = [operating_points(10, kinematics=drawn(name)) for name in ("gantry_tau", "stewart", "ur5")]
+SLIDING = arm_with('name="elbow" type="revolute"', 'name="elbow" type="prismatic"')
+MACHINES = [operating_points(10, kinematics=drawn(robot)) for robot in ("gantry_tau", "stewart", "ur5", SLIDING)]
 DRIVEN = DriverEffect(DriverColumn("payload", 10.0, 20.0), [Driver("payload", "platform", "z", 1e-4)])
 WITH_DRIVEN = {**EFFECTS, DRIVEN.id: DRIVEN}
 

@@ -137,6 +137,7 @@ ROOMS = (
     "verdict",
     "joint_fit",
     "gap",
+    "leaders",
     "doubts",
     "trials",
     "discrimination",

@@ -88,7 +88,7 @@ def with_cart_springs(mechanism: Mechanism, model: Model, robot: Chain) -> tuple
     """
     shown: dict[str, Floats] = {}
     for active in model.effects:
-        if active.effect.exported_as != "cart_springs":
+        if active.effect.exported_as != "cart_springs" or active.site not in sliding_actuators(robot):
             continue
         at, axes, index = conditions(model, active), _axes(robot, active.site), robot.sites.index(active.site)
         moved, came = _motion(active, at, axes), approach(at, index)

@@ -26,10 +26,10 @@ def with_joint_springs(mechanism: Mechanism, model: Model) -> tuple[Mechanism, d
     """The mechanism of an open chain with its compliances as springs, fitted as linear in the loads at their conditions.
 
     A compliant drive is a joint ``JOINT_gives`` in series with the driven one; a compliant bearing is two hinges
-    ``JOINT_tilts_a`` and ``_b`` before it. A link of length l that bends and twists has its tip on a body ``LINK_tip`` with
-    springs at the middle of the link. About that point, the compliance of an Euler-Bernoulli beam's tip is diagonal: f l for
-    bending angles, f l^3 / 12 for shifts across, g l for torsion, with the flexibilities f in bending and g in torsion,
-    1/(N m^2).
+    ``JOINT_tilts_a`` and ``_b`` before it, about its principal axes. A link of length l that bends and twists has its tip on
+    a body ``LINK_tip`` with springs at the middle of the link. About that point, the compliance of an Euler-Bernoulli beam's
+    tip is diagonal: f l for bending angles, f l^3 / 12 for shifts across, g l for torsion, with the flexibilities f in bending
+    and g in torsion, 1/(N m^2).
 
     Returns the same as for :func:`~gtpin.extras.simulators.drives.with_drives`.
     """
@@ -73,23 +73,37 @@ def _with_soft_drive(mechanism: Mechanism, model: Model, active: ActiveEffect) -
 def _with_soft_bearing(mechanism: Mechanism, model: Model, active: ActiveEffect) -> tuple[Mechanism, Floats | None]:
     at, here = conditions(model, active), _home(model)
     frame = joint_frame(at, active.site)
-    moments = at.joint_loads[:, frame.index, 3:] @ frame.across.T
-    tilts = (active.basis(at).placements[0][1] @ active.coefficients)[:, 3:] @ frame.across.T
+    across, tangents = _principal(frame.across, active.coefficients)
+    moments = at.joint_loads[:, frame.index, 3:] @ across.T
+    tilts = (active.basis(at).placements[0][1] @ active.coefficients)[:, 3:] @ across.T
     driven = mechanism.joint(model.robot.actuators[model.robot.sites.index(active.site)].joint)
     place = mechanism.placements()[mechanism.carrying(driven.name).name]
     twist, joints = np.zeros((len(at), 6)), []
-    for k, tangent in enumerate(active.coefficients[::2]):
+    for k, tangent in enumerate(tangents):
         compliance, rest = line(moments[:, k], tilts[:, k], float(tangent))
         if compliance > STIFFEST:
             R, T = (x[0] for x in here.bodies.frame(frame.index))
-            axis, point = place.rotation.T @ R @ frame.across[k], place.actInv(T)
+            axis, point = place.rotation.T @ R @ across[k], place.actInv(T)
             spring = Spring(1.0 / compliance, rest)
             joints.append(Joint(f"{active.site}_tilts_{'ab'[k]}", "hinge", axis, point, 0.0, spring=spring))
-            twist[:, 3:] += np.outer(rest + compliance * moments[:, k], frame.across[k])
+            twist[:, 3:] += np.outer(rest + compliance * moments[:, k], across[k])
     if not joints:
         return mechanism, None
     mechanism = mechanism.with_joints(driven.name, [*joints, driven])
     return mechanism, at.bodies.by_twist(frame.index, twist[..., None])[:, :6, 0]
+
+
+def _principal(across: Floats, coefficients: Floats) -> tuple[Floats, Floats]:
+    """(2, 3) the axes about which a bearing tilts by moments about themselves alone, the first nearest to a; (2,) compliances.
+
+    ``across``: (2, 3) the vectors a and b of :class:`~gtpin.effects.joints.BearingCompliance`.
+    """
+    (a, _, b, _, skew), turn = coefficients[:5], np.eye(2)
+    if skew:
+        turn = np.linalg.eigh([[a, skew], [skew, b]])[1]
+        turn = turn[:, ::-1] if abs(turn[0, 1]) > abs(turn[0, 0]) else turn
+        turn = turn * np.sign(turn.diagonal())
+    return turn.T @ across, (turn.T @ np.array([[a, skew], [skew, b]]) @ turn).diagonal()
 
 
 def _flexibilities(
