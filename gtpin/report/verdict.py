@@ -52,7 +52,7 @@ def verdict(d: Diagnosis) -> Lead:
         "\n".join(headline),
         [words for words in (*advice, *also(d), *questions(d), untested(d)) if words],
         badge=badge(d) or ("too few poses" if too_few(d) else "geometry alone"),
-        tone="warn" if may_hide(d) or too_few(d) else TONES[d.verdict],
+        tone="warn" if may_hide(d) or scattered(d) or too_few(d) else TONES[d.verdict],
     )
 
 
@@ -61,6 +61,14 @@ def too_few(d: Diagnosis) -> bool:
     nominal = next((one.before for one in d.baseline.by_instrument if one.unit == "m"), np.inf)
     found = d.verdict == "none" and not d.gap.by_instrument
     return found and d.gap.before > max(nominal, PRIORS.silent * d.gap.floor)
+
+
+def scattered(d: Diagnosis) -> bool:
+    """Whether without a cause the machine itself does not repeat: visits of a pose differ by much more than the declared noise
+    of the instrument. It may be loose."""
+    noise = d.baseline.noise
+    known = d.noise_source == "declared" and not d.gap.by_instrument
+    return d.verdict == "none" and known and d.gap.floor > PRIORS.understated * np.sqrt(3.0) * noise.position_sigma
 
 
 def also(d: Diagnosis) -> list[str]:
@@ -88,10 +96,9 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
         return [
             "These poses are too few: at left-out poses the calibrated geometry is no better than the nominal one."
         ], []
-    if hidden := may_hide(d):
-        headline = (
-            "No cause is detected. Much of the noise is scatter between visits, whose causes could not be tested."
-        )
+    if (hidden := may_hide(d)) or scattered(d):
+        why = "whose causes could not be tested" if hidden else "which no effect of a recorded column explains"
+        headline = f"No cause is detected. Much of the noise is scatter between visits, {why}."
         return [headline], [scatters(d.baseline), *hidden]
     if not supposed and d.gap.before > PRIORS.silent * d.gap.floor:
         use = "The residuals of the fit are noise, but these poses are too few to determine the geometry. Measure more poses."

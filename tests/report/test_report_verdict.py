@@ -189,3 +189,14 @@ def test_silence_is_not_called_good_where_scatter_may_hide_what_could_not_be_tes
     assert "backlash (or friction wind-up) could not be tested: record approach1" in " ".join(said.advice)
     recorded = replace(scattered, candidates=others)
     assert verdict(recorded).tone == verdict(found).tone == "good"
+
+
+def test_a_machine_that_does_not_repeat_is_not_called_good(findings):
+    found = findings["none"]
+    sigma = found.baseline.noise.position_sigma
+    noise = replace(found.baseline.noise, repeatability=5.0 * sigma)
+    loose = replace(found, baseline=replace(found.baseline, noise=noise), gap=replace(found.gap, floor=8.0 * sigma))
+    said = verdict(loose)
+    assert said.tone == "warn"
+    assert "scatter between visits" in said.headline
+    assert "no other compensation" not in " ".join(said.advice)
