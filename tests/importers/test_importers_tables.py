@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from printed import POINTS, ROS, ROS2, Write
+from typer.testing import CliRunner
 
 import gtpin
 from gtpin.data import Commands
 from gtpin.errors import DatasetError, GtpinWarning
+from gtpin.extras.importers.commands import import_app
 from gtpin.extras.importers.points import read_commands, read_points
 from gtpin.extras.importers.ros_poses import read_ros_poses
 
@@ -145,6 +148,36 @@ def test_angles_and_rotation_vectors_are_read_by_their_convention(write: Write, 
     np.testing.assert_allclose(found.orientation, [CYCLIC], atol=1e-9)
     with pytest.raises(DatasetError, match="it is not said what rx, ry and rz are; add --angle"):
         read_points(file, "ur5", names, "space", "mm", angle="deg", **given)
+
+
+C15, S15 = float(np.cos(np.pi / 12.0)), float(np.sin(np.pi / 12.0))
+# How each maker writes a turn of 30 degrees about one axis: the line, and the scalar and the axis of the turn.
+MAKERS = {
+    "kuka": ("p1,1000,2000,3000,30,0,0", "z"),
+    "fanuc": ("p1,1000,2000,3000,30,0,0", "x"),
+    "abb": (f"p1,1000,2000,3000,{C15!r},0,{S15!r},0", "y"),
+    "ur": (f"p1,1,2,3,0,{np.pi / 6.0!r},0", "y"),
+}
+
+
+@pytest.mark.parametrize("maker", MAKERS)
+def test_poses_are_read_as_their_maker_writes_them(write: Write, tmp_path: Path, maker: str) -> None:
+    line, axis = MAKERS[maker]
+    file, joints = write("poses.csv", line + "\n"), write("joints.csv", "pose,q1,q2,q3,q4,q5,q6\np1,0,-1,1,0,1,0\n")
+    given = ["--preset", maker, "--robot", "ur5", "--commands", str(joints), "--match", "pose"]
+    done = CliRunner().invoke(import_app, ["points", str(file), *given, "-o", str(tmp_path / maker)])
+    assert done.exit_code == 0, done.output
+    found = gtpin.Dataset.read(tmp_path / maker)
+    np.testing.assert_allclose(found.position, [[1.0, 2.0, 3.0]])
+    turned = [C15, *(S15 if one == axis else 0.0 for one in "xyz")]
+    np.testing.assert_allclose(found.orientation, [turned], atol=1e-9)
+
+
+def test_what_a_file_does_not_say_of_itself_is_asked_for(write: Write, tmp_path: Path) -> None:
+    given = ["points", str(write("poses.csv", "p1,1,2,3\n")), "--robot", "ur5", "-o", str(tmp_path / "a")]
+    done = CliRunner().invoke(import_app, [*given, "--columns", "pose,x,y,z", "--separator", "comma"])
+    assert isinstance(done.exception, DatasetError)
+    assert "add --unit, or --preset" in str(done.exception)
 
 
 def test_the_unit_of_angles_is_asked_for(write: Write) -> None:

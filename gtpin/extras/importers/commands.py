@@ -13,10 +13,22 @@ import typer
 
 from gtpin.commands.terminal import ZERO, AsJson, Command, Force, Origin, Tcp, Vector, output_option, tell
 from gtpin.data import Commands, Dataset
+from gtpin.errors import DatasetError
 from gtpin.extras.importers.klipper import read_klipper_delta, read_klipper_mesh, read_klipper_probe
 from gtpin.extras.importers.linuxcnc_probe import Unit, read_linuxcnc_probe
 from gtpin.extras.importers.matched import Match
-from gtpin.extras.importers.points import Angle, Length, Rotations, Separator, instrument_of, read_commands, read_points
+from gtpin.extras.importers.points import (
+    PRESETS,
+    Angle,
+    Length,
+    Preset,
+    PresetName,
+    Rotations,
+    Separator,
+    instrument_of,
+    read_commands,
+    read_points,
+)
 from gtpin.extras.importers.ros_poses import read_ros_poses
 from gtpin.extras.importers.rrf import read_rrf_g32, read_rrf_heightmap
 from gtpin.extras.importers.touches import Touches, write_touches
@@ -215,13 +227,17 @@ def points(
     file: SourceFile,
     robot: RobotName,
     columns: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="Names of the columns in order, between commas: pose, x, y, z, qw, qx, qy, qz or rx, ry, rz, q1 ..., -."
         ),
-    ],
-    unit: Annotated[Length, typer.Option(help="Of lengths.")],
-    separator: Annotated[Separator, typer.Option(help="Between columns.")],
+    ] = None,
+    unit: Annotated[Length | None, typer.Option(help="Of lengths.")] = None,
+    separator: Annotated[Separator | None, typer.Option(help="Between columns.")] = None,
+    preset: Annotated[
+        PresetName | None,
+        typer.Option(help="Columns, separator and units as this maker writes poses, where you do not give them."),
+    ] = None,
     frame: Frame = "free",
     target: Target = None,
     angle: Annotated[Angle | None, typer.Option(help="Unit of commands that are angles.")] = None,
@@ -244,14 +260,22 @@ def points(
     ] = None,
     tcp: Tcp = None,
 ) -> Dataset:
-    """A list of points or poses, as SpatialAnalyzer exports it: columns, separator and units as you name them."""
+    """A list of points or poses, as SpatialAnalyzer exports it: columns, separator and units as you name them, or as a maker
+    of robots writes them."""
+    usual = PRESETS[preset] if preset else Preset()
+    names = [name.strip() for name in columns.split(",")] if columns else list(usual.columns)
+    unit, separator = unit or usual.unit, separator or usual.separator
+    if not names or unit is None or separator is None:
+        lacking = "columns" if not names else "unit" if unit is None else "separator"
+        hint = f"add --{lacking}, or --preset {'|'.join(PRESETS)}"
+        raise DatasetError("the file itself does not say how it is written", file=file, column=lacking, hint=hint)
     return read_points(
         file,
         robot,
-        [name.strip() for name in columns.split(",")],
+        names,
         separator,
         unit,
-        angle=angle,
+        angle=angle or usual.angle,
         commands=None
         if commands is None
         else read_commands(commands, robot, unit, angle=angle, decimal_comma=decimal_comma, tcp=tcp),
@@ -259,7 +283,7 @@ def points(
         within=within,
         header=header,
         decimal_comma=decimal_comma,
-        rotations=rotation,
+        rotations=rotation or usual.rotations,
         instrument=instrument_of(robot, tcp, frame, target),
         tcp=tcp,
     )

@@ -41,6 +41,31 @@ Rotations = Literal[
     "vector", "xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "ZXZ", "ZYZ"
 ]
 """A rotation vector, or the axes of Euler angles in the order of the columns: fixed ones (small letters), or moving ones."""
+
+
+@dataclass(frozen=True)
+class Preset:
+    """How poses are written: names of the columns, separator, units, and what rx, ry and rz are; empty where it is open."""
+
+    columns: tuple[str, ...] = ()
+    separator: Separator | None = None
+    unit: Length | None = None
+    angle: Angle | None = None
+    rotations: Rotations | None = None
+
+
+PresetName = Literal["abb", "fanuc", "kuka", "spatialanalyzer", "ur"]
+_TURNED, _QUATERNIONS = ("pose", *POSITION, *TURNS), ("pose", *POSITION, *ORIENTATION)
+PRESETS: Mapping[PresetName, Preset] = {
+    "abb": Preset(_QUATERNIONS, "comma", "mm"),
+    "fanuc": Preset(_TURNED, "comma", "mm", "deg", "xyz"),
+    "kuka": Preset(_TURNED, "comma", "mm", "deg", "ZYX"),
+    "spatialanalyzer": Preset(("-", "-", "pose", *POSITION), "space", "mm"),
+    "ur": Preset(_TURNED, "comma", "m", "rad", "vector"),
+}
+"""Source: "Pose formats" in the documentation of Basler's rc_visard. ABB: q1 .. q4, the scalar first. FANUC: W, P, R about the
+fixed axes x, y, z. KUKA: A, B, C about the moving axes z, y, x. Universal Robots: a rotation vector; its scripts use m, its
+pendant shows mm."""
 IGNORED = "-"
 MOST_TURNS = 3
 """Number of turns beyond which commands without a unit look like degrees. Assumed: joints of arms turn once or twice."""
