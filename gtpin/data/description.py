@@ -47,6 +47,8 @@ class Driver:
         What it moves: ``x y z`` (m) or ``rx ry rz`` (rad) in the site's frame, or the coordinate ``q`` of a joint.
     size
         Typical motion over the column's range, m or rad.
+    sensor
+        Name of the sensor that the column is of. Columns of one sensor, such as the two axes of an inclinometer, are one cause.
 
     Examples
     --------
@@ -59,6 +61,7 @@ class Driver:
     site: str
     motion: Motion
     size: float
+    sensor: str | None = None
 
 
 class TomlSection(BaseModel):
@@ -103,6 +106,7 @@ class DriverTable(TomlSection):
     site: Annotated[TomlName, hint('write site = "NAME": a link, a joint, platform or frame')]
     motion: Annotated[Motion, hint(f"write motion = one of {', '.join(MOTIONS)}")]
     size: Annotated[TomlPositive, hint("write size = the typical motion over the column's range, m or rad, above 0")]
+    sensor: Annotated[TomlName | None, hint('write sensor = "NAME", the same for all columns of a sensor')] = None
 
 
 class Description(TomlSection):

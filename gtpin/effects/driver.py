@@ -1,4 +1,4 @@
-"""A recorded column that moves a site: the effect that a ``[[driver]]`` table of a dataset describes."""
+"""A recorded column, or several of one sensor, that move a site: what ``[[driver]]`` tables of a dataset describe."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def _placement(robot: Chain, site: str) -> tuple[tuple[int, Floats], ...] | None
 
 
 PREFIX = "driver:"
-"""Beginning of the ids of such effects; the name of the column follows."""
+"""Beginning of the ids of such effects; the name of the column, or of the sensor of several columns, follows."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class DriverColumn:
 
 
 class DriverEffect(Effect):
-    """u = c (v + s 2 v^2), v = (column - mean) / range: a site moves with a recorded column.
+    """u = c (v + s 2 v^2), v = (column - mean) / range: a site moves with a recorded column, or with all columns of a sensor.
 
     u is the displacement along an axis of the site's frame, m, or the rotation about it, rad, positive in the direction of the
     axis (right-handed). The mean and the range (largest less smallest value) of the column are those of the fitted data, so c
@@ -122,16 +122,20 @@ class DriverEffect(Effect):
     """
 
     def __init__(
-        self, column: DriverColumn, drivers: Iterable[Driver], instrument: InstrumentAxes | None = None
+        self, columns: Iterable[DriverColumn], drivers: Iterable[Driver], instrument: InstrumentAxes | None = None
     ) -> None:
-        """Take a column, its ``[[driver]]`` tables, and for the site ``frame`` the instrument's pose (None: the base frame)."""
-        self.column, self.drivers, self.instrument = column, tuple(drivers), instrument or InstrumentAxes()
-        self.id = PREFIX + column.name
-        self.title = f"motion with the column {column.name}"
-        self.clause = f"{{site}} moves with the column {column.name}"
-        self.remedy = "Use the corrected model with this column recorded, or take away what it measures."
+        """Take the columns of one sensor, their ``[[driver]]`` tables, and for the site ``frame`` the instrument's pose (None: the
+        base frame)."""
+        self.columns = {column.name: column for column in columns}
+        self.drivers, self.instrument = tuple(drivers), instrument or InstrumentAxes()
+        name, sensor = self.drivers[0].column, self.drivers[0].sensor
+        self.id = PREFIX + (sensor or name)
+        what = f"the sensor {sensor}" if sensor else f"the column {name}"
+        self.title = f"motion with {what}"
+        self.clause = f"{{site}} moves with {what}"
+        self.remedy = f"Use the corrected model with {what} recorded, or take away what it measures."
         self.coefficient = (self.drivers[0].motion, "")
-        self.needs = self.depends_on = (column.name,)
+        self.needs = self.depends_on = tuple(self.columns)
         self._by_site: dict[str, list[Driver]] = {}
         for driver in self.drivers:
             self._by_site.setdefault(driver.site, []).append(driver)
@@ -144,8 +148,9 @@ class DriverEffect(Effect):
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         mine = self._by_site[site]
-        v = (at.covariate(self.column.name) - self.column.mean) / self.column.range
-        columns = np.tile(np.stack([v, 2.0 * v**2], axis=1)[:, None, :], (1, len(mine), 1))
+        own = [self.columns[driver.column] for driver in mine]
+        v = np.stack([(at.covariate(one.name) - one.mean) / one.range for one in own], axis=1)
+        columns = np.stack([v, 2.0 * v**2], axis=2)
         sigma = np.outer([driver.size for driver in mine], [1.0, MODULATION.curvature]).ravel()
         return moved(at, site, [driver.motion for driver in mine], columns, sigma, self.instrument)
 
@@ -161,7 +166,7 @@ class DriverEffect(Effect):
 def driver_effects(
     dataset: Dataset, robot: Chain, instrument: InstrumentAxes | None = None
 ) -> tuple[DriverEffect, ...]:
-    """The effects that a dataset's ``[[driver]]`` tables describe, one for each column.
+    """The effects that a dataset's ``[[driver]]`` tables describe, one for each sensor, or column without one.
 
     ``instrument``: its pose, for motions of the site ``frame``; None: the base frame.
 
@@ -179,10 +184,16 @@ def driver_effects(
             raise DatasetError(
                 what, file=file, column=f"driver.{number}.column", hint="record it, or take the driver out"
             )
-    found = []
-    for name in dict.fromkeys(driver.column for driver in dataset.drivers):
-        values = np.asarray(dataset.covariates[name], dtype=float)
-        # The range of a column that does not vary is not used: its effect can't be tested.
-        column = DriverColumn(name, float(values.mean()), float(np.ptp(values)) or 1.0)
-        found.append(DriverEffect(column, [driver for driver in dataset.drivers if driver.column == name], instrument))
-    return tuple(found)
+    together: dict[str, list[Driver]] = {}
+    for driver in dataset.drivers:
+        together.setdefault(driver.sensor or driver.column, []).append(driver)
+    return tuple(
+        DriverEffect([_column(dataset, name) for name in dict.fromkeys(d.column for d in own)], own, instrument)
+        for own in together.values()
+    )
+
+
+def _column(dataset: Dataset, name: str) -> DriverColumn:
+    """A column of a dataset; the range of one that does not vary is not used, since its effect can't be tested."""
+    values = np.asarray(dataset.covariates[name], dtype=float)
+    return DriverColumn(name, float(values.mean()), float(np.ptp(values)) or 1.0)

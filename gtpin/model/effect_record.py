@@ -90,22 +90,32 @@ class ReferencesRecord(Record):
 
 
 class DriverRecord(Record):
-    """What a recorded column may move; see :class:`~gtpin.data.description.Driver`."""
+    """What a recorded column may move; see :class:`~gtpin.data.description.Driver`. ``column``: if it is not the first one."""
 
+    optional = ("column",)
+    column: str | None = None
     site: str
     motion: Motion
     size: Positive
 
 
-class ColumnRecord(Record):
-    """A recorded column that moves sites; see :class:`~gtpin.effects.driver.DriverEffect`.
-
-    ``origin`` (m) and ``axes`` (by rows) are the instrument's in the base frame.
-    """
+class FurtherRecord(Record):
+    """A recorded column with its mean and range in the fitted data."""
 
     name: str
     mean: Finite
     range: Positive
+
+
+class ColumnRecord(FurtherRecord):
+    """A recorded column that moves sites, and ``further`` ones of its ``sensor``: :class:`~gtpin.effects.driver.DriverEffect`.
+
+    ``origin`` (m) and ``axes`` (by rows) are the instrument's in the base frame.
+    """
+
+    optional = ("sensor", "further")
+    sensor: str | None = None
+    further: list[FurtherRecord] = []
     drivers: Annotated[list[DriverRecord], Field(min_length=1)]
     origin: Triple
     axes: Annotated[list[Triple], Field(min_length=3, max_length=3)]
@@ -141,9 +151,17 @@ def record(active: ActiveEffect) -> EffectRecord:
     lower, upper = (part.tolist() for part in known.commands)
     column = None
     if isinstance(own, DriverEffect):
+        first, *others = own.columns.values()
         column = ColumnRecord(
-            **vars(own.column),
-            drivers=[DriverRecord(site=d.site, motion=d.motion, size=d.size) for d in own.drivers],
+            **vars(first),
+            sensor=own.drivers[0].sensor,
+            further=[FurtherRecord(**vars(other)) for other in others],
+            drivers=[
+                DriverRecord(
+                    site=d.site, motion=d.motion, size=d.size, column=d.column if d.column != first.name else None
+                )
+                for d in own.drivers
+            ],
             origin=own.instrument.origin.tolist(),
             axes=own.instrument.axes.tolist(),
         )
@@ -177,9 +195,11 @@ def _driver_effect(stored: ColumnRecord, robot: Chain) -> DriverEffect:
     for driver in stored.drivers:
         if why := refusal(robot, driver.site, driver.motion):
             raise ModelError(why, column="column")
-    drivers = [Driver(stored.name, d.site, d.motion, d.size) for d in stored.drivers]
-    instrument = InstrumentAxes(np.array(stored.origin), np.array(stored.axes))
-    return DriverEffect(DriverColumn(stored.name, stored.mean, stored.range), drivers, instrument)
+    columns = [DriverColumn(one.name, one.mean, one.range) for one in (stored, *stored.further)]
+    drivers = [Driver(d.column or stored.name, d.site, d.motion, d.size, stored.sensor) for d in stored.drivers]
+    if lacking := {driver.column for driver in drivers} - {column.name for column in columns}:
+        raise ModelError(f"a driver of the column {min(lacking)}, which is not there", column="column")
+    return DriverEffect(columns, drivers, InstrumentAxes(np.array(stored.origin), np.array(stored.axes)))
 
 
 def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[str, Effect]) -> ActiveEffect:
@@ -191,7 +211,11 @@ def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[s
     """
     robot = kinematics.geometry.robot
     effect = known.get(stored.effect)
-    if effect is None and stored.column is not None and stored.effect == PREFIX + stored.column.name:
+    if (
+        effect is None
+        and stored.column is not None
+        and stored.effect == PREFIX + (stored.column.sensor or stored.column.name)
+    ):
         effect = _driver_effect(stored.column, robot)
     if effect is None:
         hint = f"install the package that registers it under {GROUP}, or give it: read_model(..., effects=[MyEffect()])"

@@ -73,6 +73,30 @@ def test_a_column_that_acts_is_named_and_measured(robot, site, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("robot", "site"), SITES)
+def test_the_axes_of_one_sensor_are_one_cause(robot, site, tmp_path):
+    data = tilted(measured(robot), 0, (0.0, 0.0, 0.0))
+    other = np.random.default_rng(4).uniform(-1.0, 1.0, len(data))
+    data = replace(data, covariates={**data.covariates, "tilt_y": other})
+    swapped = replace(data, covariates={**data.covariates, "tilt_x": other})
+    both = replace(tilted(swapped, 1, (0.0, 0.0, 0.0)), covariates=data.covariates)
+    axes = [("tilt_x", "rx"), ("tilt_y", "ry")]
+    both = replace(both, drivers=tuple(Driver(name, site, way, 1e-4, "level") for name, way in axes))
+    both.write(tmp_path / "set")
+    found = gtpin.diagnose(gtpin.Dataset.read(tmp_path / "set"))
+    assert [(c.effect, c.site) for c in found.causes] == [("driver:level", site)]
+    for _, way in axes:
+        said = found.causes[0].parameters[way]
+        assert abs(said.value - SIZE) < 4.0 * said.sigma
+    gtpin.write_model(found.model, tmp_path / "model")
+    recorded = {name: data.covariates[name] for name, _ in axes}
+    one, again = found.model.predict(data.q, recorded), gtpin.read_model(tmp_path / "model").predict(data.q, recorded)
+    np.testing.assert_array_equal(one.T, again.T)
+    with pytest.raises(ModelError, match="tilt_y"):
+        found.model.predict(data.q, {"tilt_x": recorded["tilt_x"]})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("robot", "site"), SITES)
 def test_a_column_of_noise_is_not_named(robot, site):
     found = gtpin.diagnose(replace(measured(robot), drivers=(Driver("tilt_x", site, "rx", 1e-4),)))
     assert found.verdict == "none"
@@ -102,7 +126,7 @@ def test_motions_of_an_arm_are_those_of_its_frames(site, motion):
     kinematics = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics
     q = np.random.default_rng(3).uniform(-1.0, 1.0, (5, 6))
     at = OperatingPoints(kinematics, q, kinematics.forward(q), {"tilt_x": np.ones(5)})
-    effect = DriverEffect(DriverColumn("tilt_x", 0.0, 1.0), [Driver("tilt_x", site, motion, 1e-3)])
+    effect = DriverEffect([DriverColumn("tilt_x", 0.0, 1.0)], [Driver("tilt_x", site, motion, 1e-3)])
     found = effect.basis(at, site).displacement(at)[:, :, 0]
 
     def pose(row, step):
@@ -137,7 +161,7 @@ def test_a_cart_turns_about_the_mean_of_its_joints():
     kinematics = gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics
     q = np.tile(robot.home_q, (2, 1))
     at = OperatingPoints(kinematics, q, kinematics.forward(q), {"a": np.ones(2)})
-    both = DriverEffect(DriverColumn("a", 0.0, 1.0), [Driver("a", "cart2", m, 1e-3) for m in ("y", "rz")])
+    both = DriverEffect([DriverColumn("a", 0.0, 1.0)], [Driver("a", "cart2", m, 1e-3) for m in ("y", "rz")])
     moved = seats.rates(at, both.basis(at, "cart2"))
     rods = [i for i, rod in enumerate(robot.rods) if rod.carrier == robot.sites.index("cart2")]
     C = at.carrier_joints[:, rods]

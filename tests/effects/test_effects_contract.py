@@ -237,7 +237,7 @@ def test_the_examples_of_a_docstring_run_and_give_what_they_show(module: str) ->
 
 SLIDING = arm_with('name="elbow" type="revolute"', 'name="elbow" type="prismatic"')
 MACHINES = [operating_points(10, kinematics=drawn(robot)) for robot in ("gantry_tau", "stewart", "ur5", SLIDING)]
-DRIVEN = DriverEffect(DriverColumn("payload", 10.0, 20.0), [Driver("payload", "platform", "z", 1e-4)])
+DRIVEN = DriverEffect([DriverColumn("payload", 10.0, 20.0)], [Driver("payload", "platform", "z", 1e-4)])
 WITH_DRIVEN = {**EFFECTS, DRIVEN.id: DRIVEN}
 
 
