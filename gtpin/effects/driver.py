@@ -124,8 +124,7 @@ class DriverEffect(Effect):
     def __init__(
         self, columns: Iterable[DriverColumn], drivers: Iterable[Driver], instrument: InstrumentAxes | None = None
     ) -> None:
-        """Take the columns of one sensor, their ``[[driver]]`` tables, and for the site ``frame`` the instrument's pose (None: the
-        base frame)."""
+        """Take the columns of one sensor, their ``[[driver]]`` tables, and the instrument's pose (None: the base frame)."""
         self.columns = {column.name: column for column in columns}
         self.drivers, self.instrument = tuple(drivers), instrument or InstrumentAxes()
         name, sensor = self.drivers[0].column, self.drivers[0].sensor
