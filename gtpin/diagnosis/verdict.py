@@ -103,7 +103,7 @@ class Conclusion:
 
     def nature(self, cause: Hypothesis) -> Nature:
         """The nature of a cause: a flexible family is a mechanism only where its form was found to be one."""
-        return "mechanism" if cause.place in self.mechanisms else cause.effect.nature
+        return "mechanism" if cause.place in self.mechanisms else cause.effect.nature_of(cause.lines)
 
     def members(self, cause: Hypothesis) -> tuple[Member, ...]:
         """The class of a cause, as it is reported."""

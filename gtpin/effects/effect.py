@@ -230,6 +230,10 @@ class Effect(ABC):
         """Smallest standard deviation of a value of the nonlinear parameter that poses like those of the fit can give."""
         return 0.0
 
+    def nature_of(self, lines: Sequence[tuple[float, float]]) -> Nature:
+        """Its nature with some values of the nonlinear parameter, each with its standard deviation."""
+        return self.nature
+
     def forms(self, robot: Chain, site: str) -> Sequence[Sequence[int]]:
         """Of a description: the columns of B of each form that a mechanism with few parameters has."""
         return ()

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.effects.displacement import Displacement, along_track
-from gtpin.effects.effect import ChainWords, Effect, Parameters, unit
+from gtpin.effects.effect import ChainWords, Effect, Nature, Parameters, unit
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.operating_points import TURN, OperatingPoints, References
 from gtpin.effects.sites import joints, tracks, turning_joint
@@ -30,6 +30,9 @@ APART = 0.5
 Fourier resolution is one cycle; at half of it, the cosines of two periods have a correlation of sin(pi / 2) / (pi / 2) = 0.64.
 Nearer ones are one line whose amplitude changes, or no line."""
 
+MOST_GEARS = 2
+"""Largest number of gears that the periods of a joint may need, beside its own turn. Assumed: an input and a middle shaft."""
+
 FEW_PERIODS = 2.0
 """Number of periods in a joint's range below which ``APART`` fewer can be as likely. A scan compares periods with all else
 fixed. Computed: of a cosine of n periods, one of n - 1/2 with a constant, a slope and a bend leaves 0.3 % of the power for
@@ -48,7 +51,8 @@ class RackPeriodic(Effect):
 
     At a turning joint of a robot without rods, one cause can have several periods, because gears and encoders have several
     periods per turn. The parameters of the second period are ``period_2``, ``amplitude_2``, ``phase_2``, and so on. A second
-    harmonic is then a period of its own, and there is no parameter ``harmonic``.
+    harmonic is then a period of its own, and there is no parameter ``harmonic``. More than two periods without a common gear
+    describe a rough drive: the cause's nature is then ``profile``.
 
     Typical size: A cos phi and A sin phi 20 um each. A trade journal gives 10 um for precision drives (Machine Design,
     "Comparing rack and pinion sets", machinedesign.com). The manufacturer of the Gantry-Tau's racks expects variations
@@ -106,6 +110,10 @@ class RackPeriodic(Effect):
         seen = (upper - lower) / value
         return value * APART / seen if seen < FEW_PERIODS else 0.0
 
+    def nature_of(self, lines: Sequence[tuple[float, float]]) -> Nature:
+        """A profile where more than ``MOST_GEARS`` periods have no common gear: they describe a rough drive."""
+        return "profile" if _gears(lines) > MOST_GEARS else self.nature
+
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         assert shape_parameter is not None
         return self.bases(at, site, [shape_parameter])[0]
@@ -132,6 +140,21 @@ class RackPeriodic(Effect):
         }
         harmonic = coefficients[6:8]
         return found | ({"harmonic": (float(np.hypot(*harmonic)), "m")} if harmonic.size else {})
+
+
+def _gears(lines: Sequence[tuple[float, float]]) -> int:
+    """Number of gears, beside the joint's own turn, that some periods (value, sigma), rad, need.
+
+    A period belongs to a turn, or to a gear, where a whole number of it is one turn, or the longest period of the gear, to
+    within two standard deviations.
+    """
+    gears, left = 0, sorted(((TURN / value, sigma * TURN / value**2) for value, sigma in lines))
+    first = 1.0
+    while left:
+        left = [(f, s) for f, s in left if abs(f / first - round(f / first)) * first > 2.0 * s or f < 0.5 * first]
+        if left:
+            first, gears = left[0][0], gears + 1
+    return gears
 
 
 def _span(at: OperatingPoints, site: str) -> float:

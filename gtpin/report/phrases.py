@@ -40,6 +40,11 @@ REASONS = {
     "other": "{words}",
 }
 """Why an effect can't be tested, by kind."""
+ROUGH = ChainWords(
+    clause="the drive errs over its own angle, and the periods of its errors have no gear in common",
+    remedy="Compensate by the curve below: no gear and no encoder has these periods.",
+)
+"""Words for a drive with several periods of no common gear."""
 DOUBTS = {
     "description": (
         "The error at {site} is a smooth function of {columns}. This describes the error; it is no cause. To find the "
@@ -134,6 +139,21 @@ def named(effect: Effect, site: str) -> str:
     return f"{effect.title} at {site_words(site)}"
 
 
+def rough(one: Cause | Member) -> bool:
+    """Whether it is a drive with several periods of no common gear."""
+    return isinstance(one, Cause) and one.nature == "profile" and "period" in one.parameters
+
+
+def title(found: Findings, one: Cause | Member) -> str:
+    """The name of a cause or a member of a class, without its site."""
+    return "rough drive" if rough(one) else found.effect(one.effect).title
+
+
+def cause_name(found: Findings, one: Cause | Member) -> str:
+    """As :func:`named`, of a cause or a member of a class."""
+    return f"{title(found, one)} at {site_words(one.site)}"
+
+
 def known_as(name: str, site: str) -> str:
     """As :func:`named`, by the id of an effect; one that is not of the catalogue keeps its id."""
     return next((named(e, site) for e in catalogue() if e.id == name), f"{name} at {site_words(site)}")
@@ -190,6 +210,10 @@ def size_words(parameters: Mapping[str, Estimate], count: int = 1) -> str:
 
 def sized(found: Findings, one: Cause | Member, words: str) -> str:
     """Words for a cause or a member of a class, followed by its size where it is known."""
+    if rough(one):
+        sizes = [e for name, e in one.parameters.items() if name.startswith("amplitude")]
+        whole = float(np.sqrt(sum(e.value**2 for e in sizes) / 2.0))
+        return f"{words}, {quantity(whole, sizes[0].unit)} RMS, {len(sizes)} periods without a common gear"
     return ", ".join(filter(None, (words, size_words(one.parameters, 1 + found.effect(one.effect).has_nonlinear))))
 
 
@@ -220,20 +244,20 @@ def cause_rows(found: Findings) -> list[list[str]]:
     for cause in found.causes:
         values = [value(*one) for one in cause.parameters.items()]
         more = [f"and {len(values) - SHOWN} more"] if len(values) > SHOWN else []
-        title = f"{found.effect(cause.effect).title}\n  at {site_words(cause.site)}"
-        rows.append([title, chance(cause.probability), "\n".join(values[:SHOWN] + more), explained_part(found, cause)])
+        name = f"{title(found, cause)}\n  at {site_words(cause.site)}"
+        rows.append([name, chance(cause.probability), "\n".join(values[:SHOWN] + more), explained_part(found, cause)])
         said: set[tuple[str, str]] = set()
         for m in others(cause):
             pair = [o for o in others(cause) if m.beside == (o.effect, o.site) and o.beside == (m.effect, m.site)][:1]
             if (m.effect, m.site) in said:
                 continue
             said |= {(o.effect, o.site) for o in pair}
-            title = "\n".join(
+            name = "\n".join(
                 f"  {word} {found.effect(one.effect).title}\n     at {site_words(one.site)}"
                 for word, one in zip(("or", "with"), (m, *pair), strict=False)
             )
             own = [value(*one) for one in m.parameters.items()]
-            rows.append([title, chance(sum(one.probability for one in (m, *pair))), "\n".join(own[:LINES]), ""])
+            rows.append([name, chance(sum(one.probability for one in (m, *pair))), "\n".join(own[:LINES]), ""])
     return rows
 
 
@@ -247,7 +271,7 @@ def cause_lines(found: Findings, noun: str = "gap", most: int = LINES) -> list[s
     first = every if len(every) <= most else every[: most - 1]
     lines = [_line(found, cause, noun) for cause in first]
     if rest := every[len(first) :]:
-        sizes = [(named(found.effect(c.effect), c.site), explained_words(found, c)) for c in rest]
+        sizes = [(cause_name(found, c), explained_words(found, c)) for c in rest]
         more = joined([f"{words} ({size})" if size else words for words, size in sizes])
         lines.append(f"{'Also' if lines else 'Causes:'} {more}")
     return [f"{line}." for line in lines]
@@ -259,13 +283,13 @@ def _line(found: Findings, cause: Cause, noun: str) -> str:
     share = f"{size} of the {noun}" if size else ""
     if sure or len(cause.members) == 1:
         how = "; ".join(filter(None, ("certain" if sure else f"probable, {chance(cause.probability)}", share)))
-        said = f"{site_words(cause.site)}: {sized(found, cause, found.effect(cause.effect).title)} ({how})"
+        said = f"{site_words(cause.site)}: {sized(found, cause, title(found, cause))} ({how})"
         return said if cause.site not in SITES else capital(said)
     rest = others(cause)
-    second = f"{named(found.effect(rest[0].effect), rest[0].site)} ({chance(rest[0].probability)})"
+    second = f"{cause_name(found, rest[0])} ({chance(rest[0].probability)})"
     if len(rest) > 1:
         second = f"one of {len(rest)} other effects"
-    first = f"{named(found.effect(cause.effect), cause.site)} ({chance(cause.probability)})"
+    first = f"{cause_name(found, cause)} ({chance(cause.probability)})"
     return f"{f'Open, {share}' if share else 'Open'}: {first} or {second}"
 
 

@@ -14,6 +14,7 @@ from gtpin.diagnosis.trials import kind
 from gtpin.report.calibration_text import overruled, scatters
 from gtpin.report.page import Lead
 from gtpin.report.phrases import (
+    ROUGH,
     badge,
     cause_lines,
     doubt_words,
@@ -22,6 +23,7 @@ from gtpin.report.phrases import (
     parameter,
     reason_words,
     remedy,
+    rough,
     sentence,
     sure_and_doubtful,
 )
@@ -207,7 +209,7 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
 
 def _remedies(d: Diagnosis, causes: Sequence[Cause]) -> list[str]:
     """What to do about each cause; of several causes, each sentence begins with the site."""
-    found = [(c.site, remedy(d.effect(c.effect), d.model.robot)) for c in causes]
+    found = [(c.site, ROUGH.remedy if rough(c) else remedy(d.effect(c.effect), d.model.robot)) for c in causes]
     if len(d.causes) == 1 == len(found):
         return [found[0][1]]
     return [sentence(f"{site_words(site)}: {words[:1].lower()}{words[1:].rstrip('.')}") for site, words in found]

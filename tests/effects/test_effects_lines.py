@@ -1,6 +1,7 @@
 """Lines of a turning joint: several periods are one effect, each with its own parameters."""
 
 import numpy as np
+import pytest
 from effect_places import nominal_at
 
 import gtpin
@@ -55,6 +56,24 @@ def test_a_first_line_has_enough_periods_in_the_range_and_a_further_one_is_apart
     near = np.minimum(np.abs(span / values - span / other), span / values)
     assert (near[~beside] < APART).all()
     assert not beside.all()
+
+
+@pytest.mark.parametrize(
+    ("a_turn", "nature"),
+    [
+        ((1.0, 2.0, 101.0, 202.0), "mechanism"),  # an eccentric encoder and a strain wave gear
+        ((1.0, 6.25, 12.5, 18.75, 31.25), "mechanism"),  # a gear of ratio 6.25, its multiples
+        ((7.3, 100.5, 201.0), "mechanism"),  # two gears
+        ((2.18, 4.39, 7.71, 10.3), "profile"),
+        ((2.18, 4.39), "mechanism"),
+    ],
+)
+def test_periods_of_few_gears_are_a_mechanism_and_others_a_rough_drive(a_turn: tuple[float, ...], nature: str) -> None:
+    turn = 2.0 * np.pi
+    for order in (a_turn, a_turn[::-1]):
+        assert RackPeriodic().nature_of([(turn / f, 0.02 * turn / f**2) for f in order]) == nature
+    # Periods that are known to half a cycle a turn may be of any gear.
+    assert RackPeriodic().nature_of([(turn / f, 0.5 * turn / f**2) for f in a_turn]) == "mechanism"
 
 
 def test_the_fastest_line_has_a_value_on_either_side_between_which_a_scan_refines_it() -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from gtpin.diagnosis.result import Considered, Correlate, Member
 from gtpin.effects.untestable import Untestable
+from gtpin.estimate import Estimate
 from gtpin.report.phrases import cause_rows
 from gtpin.report.verdict import verdict
 
@@ -189,6 +190,19 @@ def test_silence_is_not_called_good_where_scatter_may_hide_what_could_not_be_tes
     assert "backlash (or friction wind-up) could not be tested: record approach1" in " ".join(said.advice)
     recorded = replace(scattered, candidates=others)
     assert verdict(recorded).tone == verdict(found).tone == "good"
+
+
+def test_periods_without_a_common_gear_are_said_to_be_a_rough_drive(findings):
+    found = findings["explained"]
+    lines = {"period": 1.4, "period_2": 0.9, "period_3": 0.62}
+    parameters = {name: Estimate(value, 0.01, "rad") for name, value in lines.items()}
+    parameters |= {name.replace("period", "amplitude"): Estimate(4e-4, 1e-5, "rad") for name in lines}
+    cause = replace(found.causes[0], effect="rack_periodic", site="cart2", parameters=parameters)
+    gear, rough = (words(replace(found, causes=(replace(cause, nature=one),))) for one in ("mechanism", "profile"))
+    assert "cart2: periodic drive error" in gear
+    assert "rough" not in gear
+    assert "cart2: rough drive, 490 µrad RMS, 3 periods without a common gear" in rough
+    assert "Compensate by the curve" in rough
 
 
 def test_a_machine_that_does_not_repeat_is_not_called_good(findings):

@@ -13,7 +13,18 @@ from gtpin.effects.effect import Effect
 from gtpin.report.effect_curves import EffectCurve, curve_notes, curve_plots, reach
 from gtpin.report.next_experiment import experiment_notes
 from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Plots, Section, Table
-from gtpin.report.phrases import clause, explained_part, named, of_robot, others, parameter_rows, sentence
+from gtpin.report.phrases import (
+    ROUGH,
+    cause_name,
+    clause,
+    explained_part,
+    named,
+    of_robot,
+    others,
+    parameter_rows,
+    rough,
+    sentence,
+)
 from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import capital, chance
 from gtpin.robot.chain import Chain
@@ -35,8 +46,9 @@ def causes_of(found: Findings, curves: Mapping[tuple[str, str], Sequence[EffectC
     given = ", given the others" if len(found.causes) > 1 else ""
     for k, c in enumerate(found.causes):
         effect, drawn = found.effect(c.effect), curves.get((c.effect, c.site), ())
+        what = ROUGH.clause if rough(c) else clause(effect, c.site, found.model.robot)
         words = (
-            f"{sentence(clause(effect, c.site, found.model.robot))} Its name in files and for --exclude: {c.effect}@{c.site}. "
+            f"{sentence(what)} Its name in files and for --exclude: {c.effect}@{c.site}. "
             f"Probability {chance(c.probability)}."
         )
         if part := explained_part(found, c):
@@ -44,7 +56,7 @@ def causes_of(found: Findings, curves: Mapping[tuple[str, str], Sequence[EffectC
         if far := reach(drawn):
             words += f" {capital(far)}."
         table = Table(("parameter", "value", "95 % from", "to"), parameter_rows(c), (2, 3))
-        content += [Heading(named(effect, c.site)), words, table]
+        content += [Heading(cause_name(found, c)), words, table]
         if paragraphs := meaning(effect, found.model.robot):
             content.append(Fold("What they mean", paragraphs))
         if drawn:
