@@ -55,6 +55,10 @@ def mean(values: Iterable[float]) -> Rate:
 
 MOST_AFTER = 1.3
 TENTHS = 10
+STATED = (0.5, 0.9, 0.99)
+"""Probabilities at which risk and coverage are given."""
+LEAST_GIVEN = 1e-3
+"""Smallest probability of what is true that the log score takes: a certain false cause counts as 6.9 nats."""
 SEVERAL: tuple[Kind, ...] = ("two", "three", "many")
 
 
@@ -120,6 +124,12 @@ def tenths(cases: Iterable[Judged], members: bool = False) -> list[Tenth]:
         for i, some in enumerate(found)
         if some
     ]
+
+
+def stated(cases: Iterable[Judged]) -> list[tuple[float, bool]]:
+    """Probability of each named cause, and whether it is true."""
+    named = ((case, cause) for case in cases if case.said and case.kind for cause in case.said.causes)
+    return [(cause.probability, cause.name in case.names) for case, cause in named]
 
 
 def with_instruments(cases: Iterable[Judged]) -> bool:
@@ -205,6 +215,7 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         Figure("known and unlisted together: unknown", rate(c.verdict == "unknown" for c in both)),
         Figure("known and unlisted together: a false cause named", rate(bool(c.false_names) for c in both)),
         Figure("probabilities: farthest off of the tenths that have 30 causes", farthest, most=0.05),
+        *proper_scores(cases),
         Figure("rough data: class holds the truth, E > 63, covariate there", rough, least=0.90),
         Figure("shrinkage said less realised, absolute", absolute_error(cases), most=0.05),
         Figure("shrinkage said less realised", mean(overstated(cases))),
@@ -213,6 +224,28 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         Figure("of these, at most 1.3", rate(ratio <= MOST_AFTER for ratio in ratios)),
         Figure("95 % intervals of parameters cover", rate(covered)),
     ]
+
+
+def proper_scores(cases: Sequence[Judged]) -> list[Figure]:
+    """Brier score and log score of the named causes, and risk against coverage.
+
+    The risk at a probability is the share of false ones among the causes that are stated with it or more. The coverage is the
+    share of the visible single effects for which a cause is stated so. Source: Gneiting and Raftery 2007, J. Am. Stat. Assoc.
+    102, 359.
+    """
+    every = stated(cases)
+    given = [probability if right else 1.0 - probability for probability, right in every]
+    found = [
+        Figure("Brier score of the named causes", mean((1.0 - p) ** 2 for p in given)),
+        Figure("log score of the named causes, nats", mean(-np.log(max(p, LEAST_GIVEN)) for p in given)),
+    ]
+    single = [c for c in of_kind(cases, "one") if c.noncentrality > VISIBLE]
+    for least in STATED:
+        sure = [right for probability, right in every if probability >= least]
+        said = (any(cause.probability >= least for cause in c.said.causes) if c.said else False for c in single)
+        found.append(Figure(f"risk of causes of {least} or more", rate(not right for right in sure)))
+        found.append(Figure(f"coverage of causes of {least} or more, one effect, E > 63", rate(said)))
+    return found
 
 
 def _outside(word: str, cases: Sequence[Judged]) -> list[Figure]:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 from handmade import cause, diagnosis, judged
 
@@ -138,6 +139,20 @@ def test_probabilities_are_held_against_how_often_they_were_right() -> None:
     assert figure(cases, "probabilities: farthest off of the tenths that have 30 causes") == (None, 0)
     value, _ = figure(cases * 8, "probabilities: farthest off of the tenths that have 30 causes")
     assert value == pytest.approx(0.97 - 0.75)
+
+
+def test_stated_probabilities_have_proper_scores_and_risk_against_coverage() -> None:
+    wrong = one("wrong", diagnosis("explained", cause("backlash@cart1", 1.0)))
+    cases = [AMBIGUOUS, wrong, MISSED, UNKNOWN]  # 0.7 and 0.99 true, 1.0 false, and nothing
+    brier, _ = figure(cases, "Brier score of the named causes")
+    assert brier == pytest.approx((0.3**2 + 1.0 + 0.01**2) / 3)
+    log, of = figure(cases, "log score of the named causes, nats")
+    assert of == 3
+    assert log == pytest.approx(-(np.log(0.7) + np.log(0.99) + np.log(1e-3)) / 3)
+    assert figure(cases, "risk of causes of 0.9 or more") == (0.5, 2)
+    assert figure(cases, "risk of causes of 0.5 or more") == (pytest.approx(1 / 3), 3)
+    assert figure(cases, "coverage of causes of 0.5 or more, one effect, E > 63") == (0.75, 4)
+    assert figure(cases, "coverage of causes of 0.99 or more, one effect, E > 63") == (0.5, 4)
 
 
 def test_shrinkage_is_held_against_the_true_poses() -> None:
