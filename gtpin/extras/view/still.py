@@ -11,17 +11,16 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import GtpinError, ModelError
+from gtpin.extras.view.displays import GREY, joint_places, of_errors, of_share, platform_name, robot_as_modelled
 from gtpin.extras.view.gap import DrawnGap
-from gtpin.extras.view.shapes import GREY, joint_places, of_errors, of_share, platform_name, robot_as_modelled
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import home
 from gtpin.model.model import FittedInstrument, Model
 from gtpin.output.figure import new_figure
 from gtpin.output.results import result_file
 from gtpin.report.figure import ACCENT, FIT, GOOD, WARN, ZERO
-from gtpin.report.instrument_places import InstrumentPlaces, patch
 from gtpin.report.residuals import evenly
-from gtpin.report.skeleton import ELEVATION, Camera, Kind, Skeleton, skeleton, standing
+from gtpin.report.skeleton import ELEVATION, Camera, InstrumentPlaces, Kind, Skeleton, patch, skeleton, standing
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
