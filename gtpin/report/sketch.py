@@ -9,7 +9,8 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from gtpin.model.model import Model
-from gtpin.report.skeleton import HEIGHT, WIDTH, Camera, InstrumentPlaces, Kind, Skeleton, patch, skeleton
+from gtpin.report.instrument_places import InstrumentPlaces, patch
+from gtpin.report.skeleton import HEIGHT, WIDTH, Camera, Kind, Skeleton, skeleton
 from gtpin.report.words import short, site_words
 from gtpin.typing import Floats
 

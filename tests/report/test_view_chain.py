@@ -14,7 +14,8 @@ from gtpin.errors import GtpinWarning
 from gtpin.extras.view.displays import shapes
 from gtpin.extras.view.still import still
 from gtpin.model.model import FittedInstrument
-from gtpin.report.skeleton import InstrumentPlaces, skeleton
+from gtpin.report.instrument_places import InstrumentPlaces
+from gtpin.report.skeleton import skeleton
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.library import load_robot

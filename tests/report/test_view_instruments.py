@@ -24,7 +24,8 @@ from gtpin.instruments.instrument import Instrument, Read
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp
 from gtpin.model.model import FittedInstrument
-from gtpin.report.skeleton import InstrumentPlaces, patch, skeleton
+from gtpin.report.instrument_places import InstrumentPlaces, patch
+from gtpin.report.skeleton import skeleton
 
 if TYPE_CHECKING:
     from gtpin.extras.view.scene import Scene

@@ -17,7 +17,7 @@ from gtpin.errors import warn
 from gtpin.kinematics.rotations import to_quaternions
 from gtpin.model.model import Model
 from gtpin.model.model_folder import calibrated_urdf
-from gtpin.report.skeleton import InstrumentPlaces, patch
+from gtpin.report.instrument_places import InstrumentPlaces, patch
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription, parse_xml
 from gtpin.robot.library import package_folder

@@ -26,7 +26,8 @@ from gtpin.extras.view.displays import (
 from gtpin.extras.view.gap import DrawnGap
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.model.model import FittedInstrument, Model
-from gtpin.report.skeleton import Camera, InstrumentPlaces, Skeleton, skeleton
+from gtpin.report.instrument_places import InstrumentPlaces
+from gtpin.report.skeleton import Camera, Skeleton, skeleton
 from gtpin.typing import Floats
 
 BLACK = np.array([0.1, 0.1, 0.1])

@@ -19,8 +19,9 @@ from gtpin.model.model import FittedInstrument, Model
 from gtpin.output.figure import new_figure
 from gtpin.output.results import result_file
 from gtpin.report.figure import ACCENT, FIT, GOOD, WARN, ZERO
+from gtpin.report.instrument_places import InstrumentPlaces, patch
 from gtpin.report.residuals import evenly
-from gtpin.report.skeleton import ELEVATION, Camera, InstrumentPlaces, Kind, Skeleton, patch, skeleton, standing
+from gtpin.report.skeleton import ELEVATION, Camera, Kind, Skeleton, skeleton, standing
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
