@@ -19,9 +19,9 @@ from limit import Limit
 
 import gtpin
 from gtpin.bench.blind.draw import Draft, drafts, made, truth_of
-from gtpin.bench.blind.figures import Rate, mean, rate
 from gtpin.bench.blind.folder import CheckFolder
 from gtpin.bench.blind.judged import VISIBLE, Judged, Statement
+from gtpin.bench.blind.score import Rate, mean, rate
 from gtpin.bench.blind.truth import Truth, opened, read_manifest
 from gtpin.data import Dataset
 from gtpin.threads import in_one_thread

@@ -19,7 +19,7 @@ from again import again
 from compare import known_from
 
 import gtpin
-from gtpin.bench.blind.figures import rate
+from gtpin.bench.blind.score import rate
 from gtpin.bench.simulator import Case, make_case
 from gtpin.data import Commands
 from gtpin.data.table import Column

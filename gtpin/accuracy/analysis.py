@@ -203,17 +203,13 @@ def _usual_uncertainty(model: Model, sigmas: Floats | None) -> tuple[str, Uncert
     if model.covariance is not None:
         free = ", without where the machine stands" if model.stands_anywhere else ""
         return f"covariance of the calibration{free}", Uncertainty(model.covariance)
-    return _tolerance_words(model), Uncertainty(np.diag(model.geometry.tolerance**2))
-
-
-def _tolerance_words(model: Model) -> str:
-    """The tolerances of a nominal geometry, and whether they are assumed."""
     sizes: dict[str, list[float]] = {}
     for p in model.geometry.parameters:
         sizes.setdefault(p.unit, []).append(1e3 * p.tolerance)
     ranges = [f"{min(of):g}{f' to {max(of):g}' if max(of) > min(of) else ''} m{unit}" for unit, of in sizes.items()]
     assumed = "" if model.robot.tolerance else ", which are assumed: the robot's description gives none"
-    return f"manufacturing tolerances (1 sigma) of {' and '.join(ranges)}{assumed}"
+    words = f"manufacturing tolerances (1 sigma) of {' and '.join(ranges)}{assumed}"
+    return words, Uncertainty(np.diag(model.geometry.tolerance**2))
 
 
 def _sigmas(model: Model, costs: Mapping[str, float], poses: int) -> Floats:

@@ -252,11 +252,14 @@ class OperatingPoints:
         if not joints(self.robot):
             return found
         loads = self.joint_loads
+        largest = np.abs(loads).max(axis=(0, 1))
+        least = np.maximum(LEAST_SPREAD * np.repeat([largest[:3].max(), largest[3:].max()], 3), LIGHT)
+        count = np.stack([np.bincount(column, minlength=PARTS) for column in part_of_turn(self.q).T])
         return replace(
             found,
             commands=(self.q.min(axis=0), np.maximum(self.q.max(axis=0), self.q.min(axis=0) + 1e-9)),
-            joints=(loads.mean(axis=0), np.maximum(loads.std(axis=0), _least_spread(loads))),
-            angles=_measured_angles(self.q, self.robot.revolute),
+            joints=(loads.mean(axis=0), np.maximum(loads.std(axis=0), least)),
+            angles=(count >= max(1.0, len(self.q) / FEW_OF)) & np.asarray(self.robot.revolute)[:, None],
         )
 
     @cached_property
@@ -298,21 +301,8 @@ def part_of_turn(angle: Floats) -> npt.NDArray[np.intp]:
     return np.asarray(np.floor(angle / TURN * PARTS).astype(int) % PARTS)
 
 
-def _measured_angles(q: Floats, revolute: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """(n, ``PARTS``) whether commands q (N, n) are in each part of a joint's turn; False for sliding joints."""
-    count = np.stack([np.bincount(column, minlength=PARTS) for column in part_of_turn(q).T])
-    return np.asarray((count >= max(1.0, len(q) / FEW_OF)) & np.asarray(revolute)[:, None])
-
-
 LIGHT = np.repeat([1.0, 0.1], 3)
 """Smallest spread of a load: of forces, N, and of moments, N m. It is used for robots whose URDF has no masses. Assumed."""
 LEAST_SPREAD = 0.02
 """Smallest spread of a load, relative to the largest load of its kind (force or moment) on any joint. A joint without a load
 in the fit may have a load in a later prediction. Assumed."""
-
-
-def _least_spread(loads: Floats) -> Floats:
-    """(6,) smallest spreads of forces, N, and moments, N m."""
-    largest = np.abs(loads).max(axis=(0, 1))
-    kinds = np.repeat([largest[:3].max(), largest[3:].max()], 3)
-    return np.asarray(np.maximum(LEAST_SPREAD * kinds, LIGHT))

@@ -238,7 +238,10 @@ class CartCompliance(Effect):
         # Smaller, and with long waves only: otherwise the effect could be confused with a twist of the track.
         tips_softer = [(place, MODULATION.tipping * share) for place, share in softer[:2]]
         came = approach(at, j)
-        small = _smallest(at, rods, axes)
+        # Half of the usual pull along each axis, N: that of the rods' usual forces in their mean directions.
+        (mean, spread), parts = at.references.force, at.references.direction[0][rods] @ axes.T
+        pull = np.abs(mean[rods] @ parts) + np.sqrt((spread[rods] ** 2) @ parts**2)
+        small = np.maximum(pull / 2.0, 1e-9)
         columns, sizes = [], []
         always, stiffening = (np.ones(len(at)), 1.0), MODULATION.stiffening
         for factor, share in [always, (harder, stiffening), (came, MODULATION.friction), *softer]:
@@ -271,17 +274,6 @@ class CartCompliance(Effect):
         found = {name: (float(coefficients[i]), "m/N") for name, i in names.items()}
         tips = coefficients[TIPS : TIPS + 3]
         return found | {n: (float(c), "rad/(N m)") for n, c in zip(("roll", "tip_a", "tip_b"), tips, strict=False)}
-
-
-def _smallest(at: OperatingPoints, rods: list[int], axes: Floats) -> Floats:
-    """(3,) half of the usual pull along each of three axes in the fit, N.
-
-    The usual pull is that of the rods' usual forces in their mean directions.
-    """
-    (mean, spread), (direction, _) = at.references.force, at.references.direction
-    parts = direction[rods] @ axes.T
-    usual = np.abs(mean[rods] @ parts) + np.sqrt((spread[rods] ** 2) @ parts**2)
-    return np.asarray(np.maximum(usual / 2.0, 1e-9))
 
 
 FLEXIBILITY = 1e-5

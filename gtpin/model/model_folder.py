@@ -32,7 +32,7 @@ from gtpin.model.model_file import (
     read_model_file,
 )
 from gtpin.output.results import results_folder
-from gtpin.paper.geometry import PaperGeometry, Per, nominal_geometry
+from gtpin.paper.geometry import PaperGeometry, nominal_geometry
 from gtpin.paper.tracks import MeasuredTrack
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
@@ -109,14 +109,10 @@ def _listed(values: Floats | None) -> Any:
     return None if values is None else values.tolist()
 
 
-def _scales(geometry: Geometry) -> Per | None:
-    parts = {p.part for p, _ in geometry.all_deviations if p.kind == "scale"}
-    return ("actuator" if parts <= set(geometry.robot.sites) else "rod") if parts else None
-
-
 def _content(model: Model) -> ModelFile:
     geometry, frame = model.geometry, model.frame
     sites = geometry.robot.sites
+    scaled = {p.part for p, _ in geometry.all_deviations if p.kind == "scale"}
     single = {p.kind for p, _ in geometry.all_deviations if p.part not in sites}
     tracks = geometry.tracks if isinstance(geometry, PaperGeometry) else ()
     return ModelFile(
@@ -125,7 +121,7 @@ def _content(model: Model) -> ModelFile:
         nominal_urdf="nominal.urdf",
         tcp=geometry.robot.tcp_frame,
         directions="rod" if single & set(DIRECTIONS) else "actuator",
-        scale=_scales(geometry),
+        scale=("actuator" if scaled <= set(sites) else "rod") if scaled else None,
         arm="reduced" if geometry.positions_only else "full",
         tracks=[
             None if track is None else TrackRecord(**{key: _listed(values) for key, values in vars(track).items()})

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -46,7 +44,12 @@ def model_geometry(number: int, robot: Chain, dataset: Dataset, *, orientations:
         raise ModelError(f"models 1 to 5 are for carts on tracks, which {robot.name} has not", hint="leave --model out")
     tracks = _tracks(number, robot, dataset, orientations)
     if number in REDUCED:
-        tolerances = _wide(all_tolerances(robot, dataset.tolerance))
+        tolerances = dict(all_tolerances(robot, dataset.tolerance))
+        for kind in (
+            "link_length",
+            "cart_joint",
+        ):  # one joint replaces several, whose deviations differ: five is assumed
+            tolerances[kind] *= 5.0
         ideal = parallelogram(robot, _mean_orientation(robot, dataset))
         return PaperGeometry.nominal(ideal, arm="reduced", scale="actuator", tracks=tracks, tolerance=tolerances)
     return PaperGeometry.nominal(robot, directions="rod", scale="rod", tracks=tracks, tolerance=dataset.tolerance)
@@ -76,11 +79,6 @@ def _tracks(number: int, robot: Chain, dataset: Dataset, orientations: bool) -> 
     if len(chosen) != len(carriers):
         raise ModelError(f"model 5 is for six rods, and {robot.name} has {len(carriers)}", hint="use model 3 or 4")
     return tuple(by_cart[carrier] if wanted else None for carrier, wanted in zip(carriers, chosen, strict=True))
-
-
-def _wide(tolerances: Mapping[str, float]) -> dict[str, float]:
-    """Tolerances of the reduced arm: one of its joints replaces several, whose deviations differ. The factor 5 is assumed."""
-    return dict(tolerances) | {kind: 5.0 * tolerances[kind] for kind in ("link_length", "cart_joint")}
 
 
 def parallelogram(robot: Chain, R: Floats) -> Chain:

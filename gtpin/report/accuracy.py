@@ -15,10 +15,9 @@ from gtpin.accuracy.analysis import Accuracy
 from gtpin.accuracy.figures import FILES, UNITS, write_accuracy
 from gtpin.accuracy.workspace import Workspace
 from gtpin.errors import ModelError
-from gtpin.report.embedded import Plot, PlotChoice
-from gtpin.report.figure import SCALE, Drawing, alone, colorbar, titled
-from gtpin.report.page import Lead, PagePresentation, Plots, Section, Step, Table
-from gtpin.report.provenance import provenance
+from gtpin.report.dataset import map_layout
+from gtpin.report.figure import SCALE, Drawing, Plot, PlotChoice, alone, colorbar
+from gtpin.report.page import Lead, PagePresentation, Plots, Section, Step, Table, provenance
 from gtpin.report.residual_plots import scale_of
 from gtpin.report.sketch import drawing
 from gtpin.report.words import quantity, typeset, with_unit
@@ -256,8 +255,4 @@ def _place(space: Workspace, layer: int) -> str:
 
 
 def _layout(space: Workspace) -> dict[str, Any]:
-    a, b = _names(space)
-    layout = titled(f"{a} (m)", f"{b} (m)", margin={"t": 10})
-    layout["xaxis"]["constrain"] = "domain"
-    layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
-    return layout
+    return map_layout(np.zeros((0, 3)), "".join(_names(space)), margin={"t": 10})

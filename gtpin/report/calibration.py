@@ -16,8 +16,7 @@ from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
 from gtpin.report.calibration_text import cannot_judge, elsewhere, lost, scatters, unseen_words
 from gtpin.report.geometry import geometry_line, geometry_table
-from gtpin.report.page import Lead, Table
-from gtpin.report.provenance import provenance
+from gtpin.report.page import Lead, Table, provenance
 from gtpin.report.sections import FitPresentation
 from gtpin.report.sections.parameters import parameter_table
 from gtpin.report.sketch import drawing

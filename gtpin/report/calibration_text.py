@@ -102,13 +102,6 @@ def noise_words(c: Calibration) -> list[str]:
     ]
 
 
-def noise_of_drives(c: Calibration) -> list[tuple[str, float]]:
-    """What the actuators add to the instruments' noise, in words, and its size, m or rad."""
-    how = "the residuals" if c.noise.source == "residuals" else "repeated visits"
-    size = c.noise.repeatability
-    return [(f"repeatability of each actuator, from {how}", size)] if size > 0.0 else []
-
-
 def scatters(c: Calibration) -> str:
     """Warning that a large scatter of the drives may come from effects in part; empty if the scatter is small."""
     if c.noise.repeatability <= SCATTERS * c.noise.position_sigma:

@@ -17,10 +17,8 @@ from gtpin.errors import DatasetError
 from gtpin.model.measured_robot import robot_of
 from gtpin.output.figure import new_figure, write_figures
 from gtpin.output.results import json_text
-from gtpin.report.embedded import Plot, PlotChoice
-from gtpin.report.figure import ACCENT, FIT, GOOD, INK, SOFT, WARN, Drawing, alone, scatter, titled
-from gtpin.report.page import Lead, PagePresentation, Plots, Section, Step, Table, in_terminal
-from gtpin.report.provenance import provenance
+from gtpin.report.figure import ACCENT, FIT, GOOD, INK, SOFT, WARN, Drawing, Plot, PlotChoice, alone, scatter, titled
+from gtpin.report.page import Lead, PagePresentation, Plots, Section, Step, Table, in_terminal, provenance
 from gtpin.report.residual_plots import shown
 from gtpin.report.words import whole
 

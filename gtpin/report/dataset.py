@@ -14,8 +14,7 @@ from gtpin.data.names import command_names
 from gtpin.errors import DatasetError, GtpinError
 from gtpin.model.measured_robot import robot_of
 from gtpin.output.shown import Presentation
-from gtpin.report.embedded import escaped
-from gtpin.report.figure import DATA, SCALE, ZERO, Drawing, alone, colorbar, scatter, titled
+from gtpin.report.figure import DATA, SCALE, ZERO, Drawing, alone, colorbar, escaped, scatter, titled
 from gtpin.report.words import covariate_unit, with_unit
 from gtpin.typing import Floats
 

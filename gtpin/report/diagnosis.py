@@ -19,9 +19,8 @@ from gtpin.report.effect_curves import curve_drawing, drawn_curves
 from gtpin.report.figure import alone
 from gtpin.report.geometry import departures_of, geometry_line, geometry_table
 from gtpin.report.next_experiment import FOLDER, write_experiments
-from gtpin.report.page import Lead, Table
+from gtpin.report.page import Lead, Table, provenance
 from gtpin.report.phrases import cause_rows, named, parameter_rows
-from gtpin.report.provenance import provenance
 from gtpin.report.sections import FitPresentation
 from gtpin.report.sketch import drawing
 from gtpin.report.steps import steps

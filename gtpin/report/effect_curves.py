@@ -15,8 +15,7 @@ from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import joints
 from gtpin.estimate import WIDE
 from gtpin.report.effect_motions import Motion, motions
-from gtpin.report.embedded import Plot, escaped
-from gtpin.report.figure import CURVES, DATA, Drawing, scatter, titled
+from gtpin.report.figure import CURVES, DATA, Drawing, Plot, escaped, scatter, titled
 from gtpin.report.residual_plots import POINTS, scale_of, shown
 from gtpin.report.residuals import Residuals, fine
 from gtpin.report.words import coordinate_words, covariate_unit, joined, quantity, typeset, with_unit

@@ -13,7 +13,7 @@ import numpy as np
 from gtpin.diagnosis.result import HealthCheck
 from gtpin.report.diagnosis import DIAGNOSIS, write_findings
 from gtpin.report.diagnosis_json import diagnosis_json
-from gtpin.report.page import Lead, PagePresentation, Section, Table
+from gtpin.report.page import Lead, PagePresentation, Section, Table, provenance
 from gtpin.report.phrases import (
     badge,
     cause_lines,
@@ -23,7 +23,6 @@ from gtpin.report.phrases import (
     overlap,
     remedy,
 )
-from gtpin.report.provenance import provenance
 from gtpin.report.sections.causes import causes_of
 from gtpin.report.sections.evidence import evidence_of, untestable_of
 from gtpin.report.sketch import drawing

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import platform
+import tempfile
 from abc import abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -16,15 +18,18 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pinocchio as pin
 from markupsafe import Markup
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, Group, RenderableType
 from rich.table import Table as Printed
 
+from gtpin.data import Dataset
+from gtpin.output.ownership import MARKER
 from gtpin.output.shown import Presentation
-from gtpin.report.embedded import Plot, PlotChoice, Shared, escaped
-from gtpin.report.figure import DARK, INK, LIGHT, LINE, Drawing, alone, has_plotly
+from gtpin.report.figure import DARK, INK, LIGHT, LINE, Drawing, Plot, PlotChoice, Shared, alone, escaped, has_plotly
 from gtpin.report.words import typeset
+from gtpin.robot.chain import Chain
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -345,3 +350,48 @@ def _environment() -> Environment:
     found.globals.update(light=LIGHT, dark=DARK)
     found.filters["typeset"] = lambda cell: cell if isinstance(cell, Markup) else typeset(str(cell))
     return found
+
+
+PACKAGES = ("numpy", "scipy")
+
+
+def versions() -> list[list[str]]:
+    """Name and version of gtpin, of the packages that it computes with, and of Python.
+
+    The version of Pinocchio is that of its module, because the distribution is called ``pin`` on PyPI and can have another name
+    elsewhere.
+    """
+    packages = [[name, version(name)] for name in PACKAGES]
+    return [["gtpin", version("gtpin")], ["pin", pin.__version__], *packages, ["Python", platform.python_version()]]
+
+
+def provenance(dataset: Dataset | None, robot: Chain, seed: int | None = None) -> Table:
+    """Versions, seed and sha256 of the dataset's files and of the robot's URDF.
+
+    A dataset that was not read from files is identified by the digests of the files that `Dataset.write` makes, so that it can
+    be compared with a folder.
+    """
+    rows = versions()
+    if seed is not None:
+        rows.append(["seed", str(seed)])
+    rows.append(["robot", robot.name])
+    rows.append([Path(robot.description.source).name, f"sha256 {digest(robot.description.xml.encode())}"])
+    if dataset is not None and dataset.path is None:
+        where = "handed over in memory, not read from files; written as a folder, its files have these digests:"
+        rows.append(["dataset", where])
+        with tempfile.TemporaryDirectory() as folder:
+            dataset.write(Path(folder) / "dataset")
+            rows += _digests(sorted(f for f in (Path(folder) / "dataset").iterdir() if f.name != MARKER))
+    elif dataset is not None and dataset.path is not None:
+        carts = dataset.carts.file if dataset.carts is not None else None
+        rows += _digests([dataset.path / "dataset.toml", *dataset.readings.files, carts])
+    return Table(("what", "which"), rows)
+
+
+def _digests(files: Iterable[Path | None]) -> list[list[str]]:
+    return [[file.name, f"sha256 {digest(file.read_bytes())}"] for file in files if file is not None and file.is_file()]
+
+
+def digest(content: bytes) -> str:
+    """A content's sha256."""
+    return hashlib.sha256(content).hexdigest()

@@ -18,7 +18,7 @@ from gtpin.effects.operating_points import Column, OperatingPoints, References
 from gtpin.instruments.readings import Readings, single
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
-from gtpin.report.embedded import escaped
+from gtpin.report.figure import escaped
 from gtpin.typing import Floats, Indices
 
 FINE, FINEST = 401, 2500

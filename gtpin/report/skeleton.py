@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.model.model import Model
-from gtpin.robot.chain import Chain, moving_links
+from gtpin.robot.chain import moving_links
 from gtpin.robot.placement_frames import frame_of_anchor, frame_of_joint, frame_of_tcp
 from gtpin.typing import Floats
 
@@ -130,21 +129,14 @@ def _of_chain(kinematics: Kinematics, q: Floats, up: Floats) -> Skeleton | None:
         spots.append(Spot(actuator.site, T[index], motion.frame(index)[0][0] @ kinematics.axis(number)))
     links = [Line("link", link.name, T[[frame_of_joint(link.joint_id), link.tip]]) for link in moving_links(robot)]
     drawn = {(tuple(line.ends[0]), tuple(line.ends[1])) for line in links}
-    fixed = [Line("fixed", "", ends) for ends in _bones(robot, T) if (tuple(ends[0]), tuple(ends[1])) not in drawn]
+    # From each joint's parent to the joint, from the last joint to the TCP, and to the points that loops join.
+    ends = [(int(robot.model.parents[j]), T[frame_of_joint(j)]) for j in range(1, robot.model.njoints)]
+    anchors = [(joint, T[frame_of_anchor(robot, a)]) for a, (joint, _) in enumerate(robot.anchors)]
+    parts = [*ends, (int(robot.tcp_joint), T[J]), *anchors]
+    bones = [np.stack([T[frame_of_joint(parent)] if parent else np.zeros(3), end]) for parent, end in parts]
+    fixed = [Line("fixed", "", bone) for bone in bones if (tuple(bone[0]), tuple(bone[1])) not in drawn]
     nothing = np.empty((0, 3))
     return Skeleton((*links, *fixed), tuple(spots), nothing, nothing, T[J], up)
-
-
-def _bones(robot: Chain, T: Floats) -> Iterator[Floats]:
-    """(2, 3) lines from each joint's parent to the joint, from the last joint to the TCP, and from joints to loops.
-
-    ``T``: (F, 3) origins of all frames.
-    """
-    ends = [(int(robot.model.parents[j]), T[frame_of_joint(j)]) for j in range(1, robot.model.njoints)]
-    # The links that a loop joins.
-    anchors = [(joint, T[frame_of_anchor(robot, a)]) for a, (joint, _) in enumerate(robot.anchors)]
-    for parent, end in [*ends, (int(robot.tcp_joint), T[frame_of_tcp(robot)]), *anchors]:
-        yield np.stack([T[frame_of_joint(parent)] if parent else np.zeros(3), end])
 
 
 @dataclass(frozen=True)

@@ -264,7 +264,8 @@ class Labels:
             y = spot[1] - high / 2.0 + row * (high if side else high / 2.0 + gap)
             x, y = np.clip(x, 2.0, WIDTH - wide - 2.0), np.clip(y, 2.0, HEIGHT - high - 2.0)
             box = (float(x), float(y), float(x) + wide, float(y) + high)
-            price = COVERED * sum(_overlap(box, other) for other in self.taken) + 0.01 * rank
+            over = [box[0] < o[2] and o[0] < box[2] and box[1] < o[3] and o[1] < box[3] for o in self.taken]
+            price = COVERED * sum(over) + 0.01 * rank
             price += JOINT * _inside(self.marks, box, 6.0) + CROSSED * _inside(self.lines, box, 0.0)
             price += 0.1 * _distance(spot, box)
             if price < cost:
@@ -273,10 +274,6 @@ class Labels:
         x = {"start": best[0], "end": best[2], "middle": (best[0] + best[2]) / 2.0}[anchor]
         end = np.clip(spot, best[:2], best[2:]) if _distance(spot, best) > FAR else None
         return f'x="{x:.1f}" y="{best[3] - 0.28 * high:.1f}" text-anchor="{anchor}"', end
-
-
-def _overlap(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
-    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
 def _inside(points: Floats, box: tuple[float, float, float, float], margin: float) -> int:

@@ -17,8 +17,7 @@ from gtpin.diagnosis.result import Diagnosis
 from gtpin.extras.view.gap import DrawnGap
 from gtpin.model.model import Model
 from gtpin.report.diagnosis import DiagnosisPresentation
-from gtpin.report.embedded import Plot
-from gtpin.report.figure import Drawing
+from gtpin.report.figure import Drawing, Plot
 
 if TYPE_CHECKING:
     from gtpin.extras.view.scene import Scene

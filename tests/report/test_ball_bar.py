@@ -9,8 +9,7 @@ import pytest
 from known_readings import RADIUS, read_ranges
 
 from gtpin.errors import DatasetError
-from gtpin.report.ball_bar import circles, runs
-from gtpin.report.ball_bar_plot import ball_bar_figure, circular_tests
+from gtpin.report.ball_bar import ball_bar_figure, circles, circular_tests, runs
 
 Floats = np.ndarray
 UP = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)

@@ -18,8 +18,7 @@ from gtpin.diagnosis.result import Experiment
 from gtpin.report import page, sections
 from gtpin.report.calibration import CalibrationPresentation
 from gtpin.report.diagnosis import DiagnosisPresentation
-from gtpin.report.embedded import Plot, PlotChoice, Shared
-from gtpin.report.figure import DATA, LIGHT, Drawing
+from gtpin.report.figure import DATA, LIGHT, Drawing, Plot, PlotChoice, Shared
 from gtpin.report.phrases import reason_words
 
 KINDS = ["none", "explained", "ambiguous", "unknown"]

@@ -20,8 +20,8 @@ from gtpin.effects.effect import Effect
 from gtpin.effects.untestable import Kind, Untestable, as_untestable
 from gtpin.estimate import Estimate
 from gtpin.report.calibration_text import grouped
+from gtpin.report.page import provenance, versions
 from gtpin.report.phrases import REASONS, clause, parameter, reason_words, sentence, size_words
-from gtpin.report.provenance import provenance, versions
 from gtpin.report.sections.causes import meaning
 from gtpin.report.verdict import beyond_noise
 from gtpin.report.words import chance, coordinate_words, covariate_unit, joined, percent, quantity, site_words, typeset
@@ -141,7 +141,7 @@ def test_a_sentence_begins_with_a_capital_but_keeps_a_machines_own_names():
 def test_versions_are_told_where_pinocchio_has_another_distribution(monkeypatch: pytest.MonkeyPatch) -> None:
     """conda's package, for one, need not be called ``pin``."""
     asked: list[str] = []
-    monkeypatch.setattr("gtpin.report.provenance.version", lambda name: asked.append(name) or "1.2.3")
+    monkeypatch.setattr("gtpin.report.page.version", lambda name: asked.append(name) or "1.2.3")
     told = dict(versions())
     assert "pin" not in asked
     assert told["pin"] == pinocchio.__version__

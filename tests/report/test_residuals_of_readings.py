@@ -11,8 +11,7 @@ from known_readings import NOMINAL, S1, commands, mixed, read_ranges
 
 from gtpin.errors import DatasetError
 from gtpin.report.figure import has_plotly
-from gtpin.report.maps import workspace_figure
-from gtpin.report.residual_plots import components, leading, residual_figure, view
+from gtpin.report.residual_plots import components, leading, residual_figure, view, workspace_figure
 from gtpin.report.residuals import Residuals
 
 

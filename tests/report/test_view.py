@@ -20,8 +20,8 @@ import gtpin.cli
 from gtpin import Frame, Geometry, Model, load_robot
 from gtpin.data import Dataset, InstrumentSection
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning, ModelError
+from gtpin.extras.view.displays import of_errors, of_share, parts, robot_as_modelled, shapes
 from gtpin.extras.view.gap import gap_of, whose
-from gtpin.extras.view.shapes import of_errors, of_share, parts, robot_as_modelled, shapes
 from gtpin.extras.view.still import still, write_still
 from gtpin.kinematics.rotations import exp
 from gtpin.robot.chain import Chain

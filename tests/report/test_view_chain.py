@@ -11,7 +11,7 @@ import pytest
 import gtpin
 from gtpin.data.instrument_tables import EncoderTable
 from gtpin.errors import GtpinWarning
-from gtpin.extras.view.shapes import shapes
+from gtpin.extras.view.displays import shapes
 from gtpin.extras.view.still import still
 from gtpin.model.model import FittedInstrument
 from gtpin.report.instrument_places import InstrumentPlaces

@@ -12,8 +12,8 @@ import numpy as np
 
 from gtpin.bench.benchmark.answer import Answer
 from gtpin.bench.benchmark.public_set import TRUTHS, PublicSet
-from gtpin.bench.blind.figures import Rate, mean, rate
 from gtpin.bench.blind.judged import VISIBLE, Judged
+from gtpin.bench.blind.score import Rate, mean, rate
 from gtpin.bench.blind.truth import Truth, read_json
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import GtpinError

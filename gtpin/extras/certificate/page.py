@@ -18,8 +18,20 @@ from gtpin.extras.certificate.result import Certificate
 from gtpin.extras.certificate.terms import BASES, DEFINITIONS, HOW, ROWS, SOURCES, STATE, STATED, WHY
 from gtpin.model.model_folder import model_json, write_model
 from gtpin.output.results import json_text
-from gtpin.report.page import Block, Fold, Heading, Items, Lead, PagePresentation, Section, Step, Table, in_terminal
-from gtpin.report.provenance import digest, provenance
+from gtpin.report.page import (
+    Block,
+    Fold,
+    Heading,
+    Items,
+    Lead,
+    PagePresentation,
+    Section,
+    Step,
+    Table,
+    digest,
+    in_terminal,
+    provenance,
+)
 from gtpin.report.words import capital, counted, joined, percent, quantity, typeset
 from gtpin.typing import Floats
 

@@ -15,8 +15,7 @@ from gtpin.diagnosis.result import HealthCheck
 from gtpin.errors import GtpinError
 from gtpin.extras.history.history import Entry, HistoryFiles, read_history, refuse_readings, written_history
 from gtpin.output.results import results_folder
-from gtpin.report.embedded import Plot
-from gtpin.report.figure import ACCENT, GOOD, LINE, MYSTERY, SOFT, WARN, Drawing, scatter
+from gtpin.report.figure import ACCENT, GOOD, LINE, MYSTERY, SOFT, WARN, Drawing, Plot, scatter
 from gtpin.report.page import Lead, Plots, Section, Table, report
 from gtpin.report.phrases import known_as, parameter
 from gtpin.report.words import counted, length

@@ -181,7 +181,7 @@ def read_named_columns(
             what = f"the row has {len(texts)} columns, and {len(names)} are named"
             hint = f"name all columns in their order, '{IGNORED}' for those that are not wanted; the separator is a {separator}"
             raise DatasetError(what, file=file, row=row, hint=hint)
-        if not rows and not any(_is_number(text) for text in texts):
+        if not rows and all(math.isnan(number(text.strip().replace(",", ".", 1))) for text in texts):
             continue  # names of columns
         for name, place in wanted.items():
             text = texts[place].strip()
@@ -199,10 +199,6 @@ def read_named_columns(
         raise DatasetError("there are no rows", file=file, hint="check the number of header lines (--header)")
     ids = np.array(poses, dtype=object) if "pose" in wanted else None
     return NamedColumns(file, np.array(rows, dtype=np.int64), ids, {name: np.array(v) for name, v in cells.items()})
-
-
-def _is_number(text: str) -> bool:
-    return not math.isnan(number(text.strip().replace(",", ".", 1)))
 
 
 def _wanted(names: list[str], separator: Separator, decimal_comma: bool, needed: Sequence[str]) -> dict[str, int]:
@@ -282,7 +278,8 @@ def read_commands(
     """
     file, machine = Path(file), load_robot(robot, tcp)
     revolute = machine.revolute
-    head = "q1" if file.suffix.lower() == ".parquet" else _first_line(file)
+    said = (line for line in text_lines(file) if line.strip() and not line.lstrip().startswith(COMMENTS))
+    head = "q1" if file.suffix.lower() == ".parquet" else next(said, "")
     if "q1" in (name.strip() for name in head.split(",")):
         found = Commands.read(file, len(revolute), numbered=True)
         turned = np.abs(found.q[:, revolute]).max(initial=0.0)
@@ -305,11 +302,6 @@ def read_commands(
     names = ["pose", *commands][-count:]
     table = read_named_columns(file, names, separator, decimal_comma=decimal_comma, needed=commands)
     return table.commands(commands, _scale(machine, len(commands), unit, angle))
-
-
-def _first_line(file: Path) -> str:
-    """The first line that is no comment."""
-    return next((line for line in text_lines(file) if line.strip() and not line.lstrip().startswith(COMMENTS)), "")
 
 
 def read_points(

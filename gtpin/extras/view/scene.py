@@ -13,9 +13,17 @@ import pinocchio as pin
 
 from gtpin.effects.sites import joints
 from gtpin.errors import GtpinError
-from gtpin.extras.view.displays import ChainDisplay, InstrumentDisplay
+from gtpin.extras.view.displays import (
+    ChainDisplay,
+    InstrumentDisplay,
+    NamedPart,
+    joint_places,
+    of_errors,
+    parts,
+    robot_as_modelled,
+    shapes,
+)
 from gtpin.extras.view.gap import DrawnGap
-from gtpin.extras.view.shapes import NamedPart, joint_places, of_errors, parts, robot_as_modelled, shapes
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.model.model import FittedInstrument, Model
 from gtpin.report.instrument_places import InstrumentPlaces

@@ -11,8 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import GtpinError, ModelError
+from gtpin.extras.view.displays import GREY, joint_places, of_errors, of_share, platform_name, robot_as_modelled
 from gtpin.extras.view.gap import DrawnGap
-from gtpin.extras.view.shapes import GREY, joint_places, of_errors, of_share, platform_name, robot_as_modelled
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.posture import home
 from gtpin.model.model import FittedInstrument, Model

@@ -18,12 +18,11 @@ from gtpin.calibration.checks.prepared import with_positions
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.report.ball_bar_plot import ball_bar_figure
+from gtpin.report.ball_bar import ball_bar_figure
 from gtpin.report.effect_curves import EffectCurve, curves
-from gtpin.report.embedded import PlotChoice
-from gtpin.report.maps import workspace_figure
+from gtpin.report.figure import PlotChoice
 from gtpin.report.page import PagePresentation, Section
-from gtpin.report.residual_plots import LAYERS, ONE_LAYER, View, components, leading, residual_figure
+from gtpin.report.residual_plots import LAYERS, ONE_LAYER, View, components, leading, residual_figure, workspace_figure
 from gtpin.report.residuals import Residuals
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.data.names import lookalikes
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.report.calibration_text import cannot_judge, noise_of_drives, noise_words, scatters
+from gtpin.report.calibration_text import cannot_judge, noise_words, scatters
 from gtpin.report.diagnosis_json import gap_method
 from gtpin.report.page import Block, Fold, Heading, Section, Table
 from gtpin.report.residuals import columns_of
@@ -28,9 +28,10 @@ def data(r: FitPresentation) -> Section:
     c, d = r.calibration, r.diagnosis
     why = cannot_judge(c)
     judged = f"it can't judge the fit: {why}" if why else f"1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
+    fitted = [f"{quantity(one.after, one.unit)} ({one.what})" for one in c.by_instrument]
     fit = (
         f"Chi-square per degree of freedom of geometry alone: {c.chi2_per_dof:.2f} ({judged}); degrees of freedom "
-        f"{c.dof:.1f}, iterations {c.iterations}. Errors on the fitted poses, RMS: {joined(_fitted(c))}."
+        f"{c.dof:.1f}, iterations {c.iterations}. Errors on the fitted poses, RMS: {joined(fitted)}."
     )
     facts = [_counts(r.dataset), _what_was_measured(r.dataset), _noise(c), scatters(c), fit]
     content: list[Block] = [fact for fact in facts if fact]
@@ -47,10 +48,6 @@ def data(r: FitPresentation) -> Section:
         words = f"The gap is computed on poses that were not fitted: {gap_method(d.gap)}. {_two_floors(d)}"
         content.append(words.rstrip())
     return Section("data", "Data", content)
-
-
-def _fitted(c: Calibration) -> list[str]:
-    return [f"{quantity(one.after, one.unit)} ({one.what})" for one in c.by_instrument]
 
 
 def _counts(dataset: Dataset) -> str:
@@ -76,7 +73,9 @@ def _what_was_measured(dataset: Dataset) -> str:
 
 
 def _noise(c: Calibration) -> str:
-    facts = [*noise_words(c), *(f"{what}: {length(size)}" for what, size in noise_of_drives(c))]
+    facts, how = noise_words(c), "the residuals" if c.noise.source == "residuals" else "repeated visits"
+    if c.noise.repeatability > 0.0:
+        facts.append(f"repeatability of each actuator, from {how}: {length(c.noise.repeatability)}")
     if np.isfinite(c.freedom):
         facts.append(f"its tails are heavier than Gaussian ({c.freedom:.0f} degrees of freedom)")
     return f"Noise of the instruments, 1 sigma of a number: {'; '.join(facts)}."

@@ -6,10 +6,9 @@ import numpy as np
 
 from gtpin.calibration.result import InstrumentFit
 from gtpin.diagnosis.result import InstrumentGap
-from gtpin.report.ball_bar_plot import circular_tests
-from gtpin.report.maps import MapScale, maps
+from gtpin.report.ball_bar import circular_tests
 from gtpin.report.page import Block, Heading, Plots, Section, Table
-from gtpin.report.residual_plots import against_columns, selection
+from gtpin.report.residual_plots import MapScale, against_columns, maps, selection
 from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import quantity, whole
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from handmade import cause, diagnosis, judged
 
-from gtpin.bench.blind.figures import figures, mean, rate, tenths
 from gtpin.bench.blind.judged import Judged, Shrunk, Statement
 from gtpin.bench.blind.page import failure, instrument_table, score_page
-from gtpin.bench.blind.score import baselines, confusion, matched_filter, power, score
+from gtpin.bench.blind.score import baselines, confusion, figures, matched_filter, mean, power, rate, score, tenths
 
 LINEARITY = ("linearity@cart1", 500.0, 100.0)
 

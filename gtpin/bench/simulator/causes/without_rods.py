@@ -31,7 +31,10 @@ def rack_periodic(site: Site, rng: np.random.Generator, periods: tuple[float, ..
     Strain-wave gears have kinematic errors of 0.1 to 0.5 mrad with two periods a turn of the input and neighbouring numbers,
     eccentric encoders one a turn. The amplitudes vary a little over the range, and each line has a weak second harmonic.
     """
-    a_turn = np.array(periods) if periods else _drawn_periods(rng)
+    a_turn = np.array(periods)
+    if not periods:
+        drawn = np.exp(rng.uniform(0.0, np.log(100.0), int(rng.integers(1, 4))))
+        a_turn = np.maximum(np.round(drawn), 1.0) if rng.random() < 0.5 else drawn
     lines = len(a_turn)
     sizes = np.array([1.0, *rng.uniform(0.3, 0.9, lines - 1)])
     phases, second = rng.uniform(0.0, 2.0 * np.pi, (2, lines)), rng.uniform(0.0, 0.12, lines)
@@ -44,11 +47,6 @@ def rack_periodic(site: Site, rng: np.random.Generator, periods: tuple[float, ..
         return now.driven(site.cart, 1e-4 * (wave @ sizes) * (1.0 + depth * swell(now.places[:, site.cart])))
 
     return cause
-
-
-def _drawn_periods(rng: np.random.Generator) -> Floats:
-    periods = np.exp(rng.uniform(0.0, np.log(100.0), int(rng.integers(1, 4))))
-    return np.maximum(np.round(periods), 1.0) if rng.random() < 0.5 else periods
 
 
 def backlash(site: Site, rng: np.random.Generator) -> Cause:
