@@ -114,9 +114,11 @@ class Poses(Shown):
     def moved(self, T: Floats, R: Floats) -> Poses:
         """The same poses in another frame, in which the present frame has the position T (3,), m, and the rotation R (3, 3).
 
-        A position p becomes R p + T, and a rotation Q becomes R Q.
+        A position p becomes R p + T, and a rotation Q becomes R Q. With T (N, 3) and R (N, 3, 3), each pose in a frame of its
+        own.
         """
-        return replace(self, T=self.T @ R.T + T, R=R @ self.R)
+        turned = self.T @ R.T if R.ndim == 2 else np.einsum("nij,nj->ni", R, self.T)
+        return replace(self, T=turned + T, R=R @ self.R)
 
     def minus(self, other: Poses) -> Floats:
         """(N, 6) these poses less the N poses ``other``: position (m) and rotation vector (rad), in the frame of the poses.
