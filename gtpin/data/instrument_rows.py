@@ -79,6 +79,11 @@ class InstrumentRows:
         """Names of the instruments, in their order; none for a single tracker."""
         return tuple(table.name for table in self.tables if table.name)
 
+    @property
+    def stations(self) -> tuple[bool, ...]:
+        """For each instrument, whether it has a free frame for each session."""
+        return tuple(isinstance(table, TrackerTable) and table.stations is not None for table in self.tables)
+
     def __len__(self) -> int:
         return len(self.of)
 
@@ -97,7 +102,7 @@ class InstrumentRows:
 
         Raises `DatasetError` where there are none.
         """
-        own = [isinstance(table, TrackerTable) and table.stations is not None for table in self.tables]
+        own = self.stations
         if not any(own):
             return self
         if session is None and "session" not in self.columns:

@@ -89,7 +89,11 @@ class InstrumentPlaces:
                     for key, at in table.stations.items()
                 }
             case TrackerTable(frame="free"):
-                stations = {name: -_deviation(one, "frame") @ exp(_deviation(one, "frame", TURNS))}
+                sessions = one.known.get("session", ("",))
+                for key in sessions:
+                    frame = f"frame[{key}]" if table.stations else "frame"
+                    at = -_deviation(one, frame) @ exp(_deviation(one, frame, TURNS))
+                    stations[_label(name, key, sessions)] = at
             case TrackerTable():
                 stations = {} if table.station is None else {name: np.array(table.station)}
             case PlaneTable():

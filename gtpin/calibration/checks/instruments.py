@@ -348,6 +348,24 @@ def check_sockets(dataset: Dataset, robot: Chain) -> None:
             warn(f"{rows.files[i]}: visited once, so that they say nothing: sockets {', '.join(once)}")
 
 
+def check_stations(dataset: Dataset) -> None:
+    """Refuse a session with fewer poses than its frame needs to be determined: three positions, or two with orientations.
+
+    Raises `DatasetError` with its first row.
+    """
+    rows = dataset.readings
+    for i in np.flatnonzero(rows.stations):
+        least = 3 if "qw" in rows.lacking[i] or "qw" not in rows.columns else 2
+        for name in rows.known[i]["session"]:
+            mine = np.flatnonzero((rows.of == i) & (rows.columns["session"] == name))
+            count = len(np.unique(dataset.q[mine], axis=0))
+            if count < least:
+                file, line = rows.place(int(mine[0]))
+                what = f"session {name} has {count} different pose{'s' if count > 1 else ''}: a frame of its own takes {least}"
+                hint = "measure more poses there, or leave these rows out"
+                raise DatasetError(what, file=file, row=line, column="session", hint=hint)
+
+
 def check_distances(dataset: Dataset, robot: Chain, poses: Poses, reach: float) -> None:
     """Refuse known distances of sockets that are far from those of the nominal robot; the error names a unit that fits.
 
