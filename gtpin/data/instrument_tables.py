@@ -104,6 +104,11 @@ class InstrumentTable(BaseModel):
         """Names in the URDF of the passive joints whose coordinates it reads; none by default."""
         return ()
 
+    @property
+    def measured_links(self) -> tuple[str, ...]:
+        """Names of the links, beside the platform, whose rotations it reads; none by default."""
+        return ()
+
 
 class TrackerTable(InstrumentTable):
     """A laser tracker, a camera, or motion capture: positions, and orientations where it reads them.
@@ -217,16 +222,25 @@ class SocketTable(InstrumentTable):
 
 
 class TiltTable(InstrumentTable):
-    """A tilt sensor on the platform: the x and y component, in its own frame, of the unit vector against gravity.
+    """A tilt sensor on a link: the x and y component, in its own frame, of the unit vector against gravity.
 
-    ``mount_sigma``: standard deviation of the prior of each component of the rotation vector of its mounting, rad.
+    ``link``: name of the link in the URDF or MJCF; None: the platform, with the axes of the TCP frame. ``mount_sigma``:
+    standard deviation of the prior of each component of the rotation vector of its mounting, rad.
     """
 
     numbers: ClassVar[tuple[str, ...]] = ("tilt_x", "tilt_y")
     targetless: ClassVar[str] = "a tilt sensor"
 
     kind: Literal["tilt"]
+    link: Annotated[Text | None, hint('write link = "LINK", as in the robot\'s file; left out, it is the platform')] = (
+        None
+    )
     mount_sigma: NotNegative = 1e-2
+
+    @property
+    def measured_links(self) -> tuple[str, ...]:
+        """The link that it sits on."""
+        return (self.link,) if self.link else ()
 
 
 class EncoderTable(InstrumentTable):

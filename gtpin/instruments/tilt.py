@@ -20,8 +20,10 @@ MOST = 1.05
 class Tilt(Instrument):
     """x and y component of S' up, with up the unit vector against gravity and S = R exp(m) the sensor's orientation.
 
-    Small components are angles in rad. R is the rotation from the TCP frame to the base frame. Unknown: the rotation vector m
-    of the sensor's mounting on the platform, TCP frame, rad (standard deviation of its prior: ``mount_sigma``).
+    Small components are angles in rad. R is the rotation from the TCP frame to the base frame, or from the frame of ``link``
+    that the robot's file gives it, as displaced as the joints below it: a link that bends turns what it carries, not itself.
+    Unknown: the rotation vector m of the sensor's mounting in that frame, rad (standard deviation of its prior:
+    ``mount_sigma``).
     """
 
     kind, Table = "tilt", TiltTable
@@ -40,14 +42,33 @@ class Tilt(Instrument):
             raise RowError(int(bad[0]), f"tilts of {size[bad[0]]:.4g} together can't be", "tilt_x tilt_y", hint)
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
-        return np.asarray((np.swapaxes(poses.R, 1, 2) @ self.up) @ exp(self._whole(u)))[:, :2]
+        return np.asarray(self._up(poses) @ exp(self._whole(u)))[:, :2]
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
         found = np.zeros((len(poses), 2, 6))
-        turned = np.swapaxes(poses.R, 1, 2) @ skew(self.up)
-        found[:, :, 3:] = (exp(self._whole(u)).T @ turned)[:, :2]
+        if self.table.link is None:
+            found[:, :, 3:] = self._by_turn(poses, u)
+        return found
+
+    def by_links(self, poses: Poses, u: Floats) -> Floats:
+        found = np.zeros((len(poses), 2, 3 * len(poses.links)))
+        for i, name in enumerate(poses.links):
+            if name == self.table.link:
+                found[:, :, 3 * i : 3 * i + 3] = self._by_turn(poses, u)
         return found
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:
-        seen, mount = np.swapaxes(poses.R, 1, 2) @ self.up, self._whole(u)
-        return np.asarray((exp(mount).T @ skew(seen) @ left_jacobian(mount))[:, :2, self._kept])
+        mount = self._whole(u)
+        return np.asarray((exp(mount).T @ skew(self._up(poses)) @ left_jacobian(mount))[:, :2, self._kept])
+
+    def _carrier(self, poses: Poses) -> Floats:
+        """(M, 3, 3) rotations of what the sensor sits on, to the base frame."""
+        return poses.R if self.table.link is None else poses.links[self.table.link]
+
+    def _up(self, poses: Poses) -> Floats:
+        """(M, 3) the unit vector against gravity, in the frame of what the sensor sits on."""
+        return np.asarray(np.swapaxes(self._carrier(poses), 1, 2) @ self.up)
+
+    def _by_turn(self, poses: Poses, u: Floats) -> Floats:
+        """(M, 2, 3) derivative by a rotation vector, rad, base frame, of what the sensor sits on."""
+        return np.asarray((exp(self._whole(u)).T @ np.swapaxes(self._carrier(poses), 1, 2) @ skew(self.up))[:, :2])

@@ -182,7 +182,9 @@ class Tracker(OfTargets):
         for s in range(self._n_frames):
             rows, frame = self.of_frame == s, frames[s]
             if frame is None and rows.any():
-                frame = alignment(at[rows], self.positions[rows], None if self.rotations is None else self.rotations[rows])
+                frame = alignment(
+                    at[rows], self.positions[rows], None if self.rotations is None else self.rotations[rows]
+                )
             if frame is not None:
                 own = len(u) - 6 * (count - s)
                 u[own : own + 3], u[own + 3 : own + 6] = frame[0], log(frame[1][None])[0]

@@ -35,6 +35,8 @@ class Poses(Shown):
     configuration
         (N, nq) Pinocchio configurations, of the robot's own joints, of poses that kinematics computed; None where they are not
         known.
+    links
+        By name, (N, 3, 3) rotations, to the base frame, of the robot's measured links at these poses; empty where it has none.
 
     Examples
     --------
@@ -51,6 +53,7 @@ class Poses(Shown):
     R: Floats
     joints: Mapping[str, Floats] = field(default_factory=dict)
     configuration: Floats | None = None
+    links: Mapping[str, Floats] = field(default_factory=dict)
 
     @staticmethod
     def unknown(count: int, joints: Iterable[str] = ()) -> Poses:
@@ -89,13 +92,16 @@ class Poses(Shown):
         one, two = self.configuration, others.configuration
         joints = {name: join(x, others.joints[name]) for name, x in self.joints.items()}
         configuration = None if one is None or two is None else join(one, two)
-        return Poses(join(self.T, others.T), join(self.R, others.R), joints, configuration)
+        links = {name: join(R, others.links[name]) for name, R in self.links.items()}
+        return Poses(join(self.T, others.T), join(self.R, others.R), joints, configuration, links)
 
     def put(self, rows: npt.NDArray[np.generic] | slice, some: Poses) -> None:
         """Write other poses into some rows of these arrays."""
         self.T[rows], self.R[rows] = some.T, some.R
         for name, x in self.joints.items():
             x[rows] = some.joints[name]
+        for name, R in self.links.items():
+            R[rows] = some.links[name]
         if self.configuration is not None and some.configuration is not None:
             self.configuration[rows] = some.configuration
 

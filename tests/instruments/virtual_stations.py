@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "calibration"))
 
-from serial_arm import SPREAD, write_urdf  # noqa: E402  (tests of folders share their machines by path)
+from serial_arm import SPREAD, write_urdf
 
 Floats = np.ndarray
 ERROR = 4e-4
@@ -117,7 +117,11 @@ def measured(
         f"S{k + 1}": pin.SE3(Rotation.random(random_state=rng).as_matrix(), rng.normal(0.0, 2.0, 3))
         for k in range(stations)
     }
-    X = pin.SE3(Rotation.random(random_state=rng).as_matrix(), rng.normal(0.0, 0.08, 3)) if target else pin.SE3.Identity()
+    X = (
+        pin.SE3(Rotation.random(random_state=rng).as_matrix(), rng.normal(0.0, 0.08, 3))
+        if target
+        else pin.SE3.Identity()
+    )
     q = rng.uniform(-1.0, 1.0, (stations * rows, 6)) * SPREAD
     session = [name for name in frames for _ in range(rows)]
     model = pin.buildModelFromUrdf(str(urdf))
