@@ -7,14 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.data.instrument_tables import TiltTable
+from gtpin.instruments.frame_and_target import nearest
 from gtpin.instruments.instrument import Component, Instrument, RowError, Unknown
 from gtpin.instruments.tracker import TURNS
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import exp, left_jacobian, skew
+from gtpin.kinematics.rotations import exp, left_jacobian, log, skew
 from gtpin.typing import Floats
 
 MOST = 1.05
 """Largest length of the two components of a unit vector that noise of a sensor can cause. Assumed."""
+ANY, FEWEST = 0.3, 6
+"""Prior sigma of the mounting, rad, from which its first guess is found from the readings, and readings that this takes."""
 
 
 class Tilt(Instrument):
@@ -40,6 +43,13 @@ class Tilt(Instrument):
         if len(bad):
             hint = "tilts are components of a unit vector: rad for small angles, not degrees or mm/m"
             raise RowError(int(bad[0]), f"tilts of {size[bad[0]]:.4g} together can't be", "tilt_x tilt_y", hint)
+
+    def start(self, nominal: Poses) -> Floats:
+        """(k,) first guess of the mounting: zeros, or from a linear fit where its prior lets it turn far."""
+        if self.table.mount_sigma < ANY or self.read.count < FEWEST:
+            return np.zeros(len(self.unknowns))
+        x, y = np.linalg.lstsq(self._up(nominal), self.measured(), rcond=None)[0].T  # columns of exp(m)
+        return np.asarray(log(nearest(np.column_stack([x, y, np.cross(x, y)]))[None])[0])
 
     def predicted(self, poses: Poses, u: Floats) -> Floats:
         return np.asarray(self._up(poses) @ exp(self._whole(u)))[:, :2]

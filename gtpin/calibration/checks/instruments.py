@@ -146,7 +146,8 @@ def ways(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[Oth
         for unit, factor in (("degrees", np.pi / 180.0), ("mm/m", 1e-3)):
             hint = f"multiply by {factor:.6g}"
             yield Otherwise(f"tilts look like {unit}", hint, _scaled(["tilt_x", "tilt_y"], factor))
-        hint = "tilt_x and tilt_y are along the TCP frame's x and y, positive where these point up"
+        whose = f"the frame of {table.link}" if table.link else "the TCP frame"
+        hint = f"tilt_x and tilt_y are along x and y of {whose}, positive where these point up"
         for looks, (x, y), (sign_x, sign_y) in TILTS:
             yield Otherwise(looks, hint, {"tilt_x": (x, sign_x), "tilt_y": (y, sign_y)})
     if isinstance(table, EncoderTable):
