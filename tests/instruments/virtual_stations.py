@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "calibration"))
 from serial_arm import SPREAD, write_urdf
 
 Floats = np.ndarray
-ERROR = 4e-4
-"""1 sigma of the joints' placements, m and rad; gtpin's tolerance where the URDF has none is 5e-4."""
+ERROR = 5e-4
+"""1 sigma of the joints' placements and of the tool, m and rad: the tolerance where the URDF has none."""
 SIGMA, TURN = 4e-5, 1e-4
 """Noise of positions, m, and orientations, rad."""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
@@ -28,8 +28,8 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")
 class Stations:
     """What was measured from K stations of an arm, and the truth.
 
-    - ``urdf``: the nominal arm. ``errors``: (6, 6) shift, m, and rotation vector, rad, of each joint's placement in its own
-      frame.
+    - ``urdf``: the nominal arm. ``errors``: (7, 6) shift, m, and rotation vector, rad, of each joint's placement and of the
+      tool, in its own frame.
     - ``frames``: by session, the base frame in that station's frame. ``target``: the target in the frame of ``tool0``.
     - ``session``: (N,) of each row. ``q``: (N, 6) commands. ``T``: (N, 3) measured positions, m. ``wxyz``: (N, 4), or None.
     """
@@ -112,7 +112,7 @@ def measured(
     rng = np.random.default_rng(seed)
     urdf = folder / f"arm{seed}.urdf"
     write_urdf(urdf, rng)
-    errors = rng.normal(0.0, ERROR, (6, 6))
+    errors = rng.normal(0.0, ERROR, (7, 6))
     frames = {
         f"S{k + 1}": pin.SE3(Rotation.random(random_state=rng).as_matrix(), rng.normal(0.0, 2.0, 3))
         for k in range(stations)
@@ -124,14 +124,14 @@ def measured(
     )
     q = rng.uniform(-1.0, 1.0, (stations * rows, 6)) * SPREAD
     session = [name for name in frames for _ in range(rows)]
-    model = pin.buildModelFromUrdf(str(urdf))
-    for joint, error in enumerate(errors, 1):
-        model.jointPlacements[joint] = model.jointPlacements[joint] * pin.SE3(pin.exp3(error[3:]), error[:3])
+    model, off = pin.buildModelFromUrdf(str(urdf)), [pin.exp6(error) for error in errors]
+    for joint in range(1, 7):
+        model.jointPlacements[joint] = model.jointPlacements[joint] * off[joint - 1]
     data, tool = model.createData(), model.getFrameId("tool0")
     T, R = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
     for i, row in enumerate(q):
         pin.framesForwardKinematics(model, data, row)
-        seen = frames[session[i]] * data.oMf[tool] * X
+        seen = frames[session[i]] * data.oMf[tool] * off[6] * X
         T[i] = seen.translation + noise * rng.normal(0.0, SIGMA, 3)
         R[i] = seen.rotation @ pin.exp3(noise * rng.normal(0.0, TURN, 3))
     wxyz = Rotation.from_matrix(R).as_quat(scalar_first=True) if orientations else None
