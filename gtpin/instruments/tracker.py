@@ -161,12 +161,12 @@ class Tracker(OfTargets):
                 found[rows, 3:, own] = F[rows] @ poses.R[rows] @ left_jacobian(mount[3 * i : 3 * i + 3])
         if len(frames):
             turned = left_jacobian(frames[:, 3:])[self.of_frame]
-            own = np.zeros((len(poses), len(self.components), 6))
-            own[:, :3, :3] = np.eye(3)
-            own[:, :3, 3:] = -skew(np.einsum("nij,nj->ni", F, self.targets.positions(poses, t))) @ turned
+            moved = np.zeros((len(poses), len(self.components), 6))
+            moved[:, :3, :3] = np.eye(3)
+            moved[:, :3, 3:] = -skew(np.einsum("nij,nj->ni", F, self.targets.positions(poses, t))) @ turned
             if self.turned:
-                own[:, 3:, 3:] = turned
-            found[:, :, -frames.size :] = placed(own, self.of_frame, len(frames))
+                moved[:, 3:, 3:] = turned
+            found[:, :, -frames.size :] = placed(moved, self.of_frame, len(frames))
         return found[:, :, self._kept]
 
     def start(self, nominal: Poses) -> Floats:

@@ -89,7 +89,7 @@ class InstrumentPlaces:
                     for key, at in table.stations.items()
                 }
             case TrackerTable(frame="free"):
-                sessions = one.known.get("session", ("",))
+                sessions = dict.fromkeys(one.known.get("session", ("",)))
                 for key in sessions:
                     frame = f"frame[{key}]" if table.stations else "frame"
                     at = -_deviation(one, frame) @ exp(_deviation(one, frame, TURNS))
