@@ -273,8 +273,10 @@ def _calibrated(
 
 def without_sigmas(dataset: Dataset) -> Dataset:
     """The dataset without declared noise, for models that leave out known causes: their residuals determine the weights."""
-    undeclared = dataset.instrument.model_copy(update={"position_sigma": None, "orientation_sigma": None})
-    return replace(dataset, instrument=undeclared)
+    undeclared = dict.fromkeys(("position_sigma", "orientation_sigma"))
+    rows, instrument = dataset.readings, dataset.instrument.model_copy(update=undeclared)
+    tables = tuple(t.model_copy(update=undeclared | {"sigma": None}) if any(rows.stations) else t for t in rows.tables)
+    return replace(dataset, instrument=instrument, readings=replace(rows, tables=tables))
 
 
 def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tracked: bool) -> Calibration:

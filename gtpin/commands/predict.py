@@ -72,5 +72,7 @@ def _table(model: Model, file: Path, instrument: str | None) -> dict[str, Column
     columns = read_table(given.file or file, ids=names).columns
     rows = CheckedRows.of(given.file, given.row, len(given))
     ids = {column: rows.ids(columns[column], column) for column in names if column in columns}
+    if "session" in instrument_of(model, name).known and "session" in given.covariates:  # its stations
+        ids["session"] = given.covariates["session"]
     poses = run_prediction(model, given)
     return {"pose": given.pose, **ids, **predicted_readings(model, poses, name, ids, given)}

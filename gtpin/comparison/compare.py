@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,9 +13,14 @@ from gtpin.calibration.calibrate import calibrate_geometry, without_sigmas
 from gtpin.comparison.result import Comparison, Held
 from gtpin.data import Dataset, random
 from gtpin.data.duplicates import counted_once
+from gtpin.data.instrument_rows import POSES
+from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.errors import DatasetError, ModelError, UnreachableError, check_kind, noted, unheard, warn
+from gtpin.instruments.predicted import predicted_readings
 from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import from_quaternions
 from gtpin.model.measured_robot import robot_of
+from gtpin.model.model import Model
 from gtpin.paper.models import MEASURED, MODELS, model_geometry
 from gtpin.read_only import gives_read_only
 from gtpin.robot.chain import Chain
@@ -43,7 +49,7 @@ def compare(
     Parameters
     ----------
     dataset
-        Poses measured by one tracker.
+        Poses measured by one tracker, also from several stations.
     robot
         The nominal robot; by default the one that the dataset names.
     orientations
@@ -69,10 +75,11 @@ def compare(
     """
     check_kind(dataset, Dataset)
     check_kind(robot, Chain, type(None))
-    dataset.refuse_readings(
-        "models are compared by measured poses, and these are readings of other instruments",
-        "calibrate each by itself: gtpin calibrate --model 1 ...",
-    )
+    if len(dataset.readings.tables) > 1 or not any(dataset.readings.stations):
+        dataset.refuse_readings(
+            "models are compared by measured poses, and these are readings of other instruments",
+            "calibrate each by itself: gtpin calibrate --model 1 ...",
+        )
     robot = robot_of(dataset) if robot is None else robot
     if not robot.rod_sites:
         what = f"models 1 to 5 are for carts on tracks, which {robot.name} has not"
@@ -93,13 +100,35 @@ def compare(
                         progress(f"model {number}, half {half + 1}", 0, float("nan"))
                     fitted = without_sigmas(data.take(~rows))
                     geometry = model_geometry(number, robot, fitted, orientations=orientations)
-                    found = calibrate_geometry(fitted, geometry, lacking=True).model.predict(data.q[rows])
+                    found = _read(calibrate_geometry(fitted, geometry, lacking=True).model, data.take(rows))
                     poses.T[rows], poses.R[rows] = found.T, found.R
             if not poses.reached.all():
                 lost = data.pose[~poses.reached][0]
                 raise UnreachableError(f"model {number} can't reach pose {lost}", file=data.file, hint="leave it out")
-            held.append(Held.of(number, data, poses))
+            held.append(Held.of(number, _as_read(data), poses))
     return Comparison(tuple(held), seed, dataset, dataset.told(texts))
+
+
+def _read(model: Model, data: Dataset) -> Poses:
+    """(N) poses that the instrument would read by a model; of a tracker with stations, each in the frame of its session."""
+    poses = model.predict(data.q)
+    if not model.instruments:
+        return poses
+    ids = {"session": data.readings.columns["session"]}
+    read = predicted_readings(model, poses, model.instruments[0].name, ids)
+    turned = from_quaternions(np.column_stack([read[n] for n in ORIENTATION])) if "qw" in read else poses.R
+    return Poses(np.column_stack([read[n] for n in POSITION]), turned)
+
+
+def _as_read(data: Dataset) -> Dataset:
+    """The dataset with what was read as its poses, also where that was in the frames of several stations."""
+    if data.readings.tracked:
+        return data
+    columns = data.readings.columns
+    T, wxyz = (
+        np.column_stack([columns[n] for n in names if n in columns] or [[]]) for names in (POSITION, ORIENTATION)
+    )
+    return replace(data, position=T, orientation=wxyz if wxyz.size else None, readings=POSES)
 
 
 @contextmanager

@@ -81,7 +81,8 @@ class Dataset(Shown):
     unusable
         Names of recorded covariates that were removed from ``covariates`` because their values are impossible.
     readings
-        The rows of the instruments. Those of a single tracker, which has no name, are always ``position`` and ``orientation``.
+        The rows of the instruments. Those of a single tracker, which has no name, are always ``position`` and ``orientation``;
+        with ``stations`` it is called ``tracker``, and these are its readings.
         For other instruments, ``position`` is not measured: it is zero until a robot is known, then the nominal TCP in the
         base frame.
     warnings
@@ -156,6 +157,12 @@ class Dataset(Shown):
         if self.readings.tracked:
             read = InstrumentRows.of_poses(self.position, self.orientation, self.row, self.instrument, self.file)
             object.__setattr__(self, "readings", read)
+        if self.instrument.stations:  # no frame has them all: they are readings
+            object.__setattr__(self, "instrument", InstrumentSection())
+            object.__setattr__(self, "position", np.zeros_like(self.position))
+            object.__setattr__(self, "orientation", None)
+        readings = self.readings.at_stations(self.covariates.get("session"))
+        object.__setattr__(self, "readings", readings)
 
     def __len__(self) -> int:
         return len(self.pose)

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 import tomli_w
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError
 
 from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import DatasetError
@@ -31,6 +32,12 @@ TomlName = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)
 def hint(text: str) -> Any:
     """What errors about the annotated key say that the user should write."""
     return Field(description=text)
+
+
+def mistake(key: str, what: str, hint: str) -> ValidationError:
+    """The error of keys that do not go together, named at one of them."""
+    error = PydanticCustomError("mistake", what, {"hint": hint})
+    return ValidationError.from_exception_data("instrument", [{"type": error, "loc": (key,), "input": None}])
 
 
 @dataclass(frozen=True)
@@ -72,6 +79,20 @@ class TomlSection(BaseModel):
 
 _ABOVE = "above 0; leave it out to have the noise estimated"
 Frame = Annotated[Literal["robot", "free"], hint('write "robot" or "free"')]
+Stations = Annotated[
+    Literal["session"] | None, hint('write stations = "session" for a free frame for each value of the column session')
+]
+
+
+def with_free_frames(values: Any) -> Any:
+    """The keys of an instrument with ``frame = "free"`` where they have ``stations``; an error for keys that contradict it."""
+    if not isinstance(values, Mapping) or values.get("stations") is None:
+        return values
+    if values.get("frame", "free") != "free":
+        raise mistake("frame", "stations have free frames", 'leave frame out, or write frame = "free"')
+    if values.get("station") is not None:
+        raise mistake("station", "station together with stations", "leave it out: where each station stands is found")
+    return {**values, "frame": "free"}
 
 
 class InstrumentSection(TomlSection):
@@ -81,6 +102,7 @@ class InstrumentSection(TomlSection):
     - `frame`: `free` where the pose of the base frame in the instrument's frame is identified; `robot` where both are the same.
     - `target`: `free` where the target's pose on the platform is identified; `tcp` where the target is at the TCP.
     - `station`: the instrument's own position in its frame, m; None where it is not known.
+    - `stations`: `session` where the instrument stood elsewhere in each session: a free frame for each value of this column.
     """
 
     position_sigma: Annotated[TomlPositive | None, hint(f"1 sigma per axis in m, {_ABOVE}")] = None
@@ -91,6 +113,8 @@ class InstrumentSection(TomlSection):
         Annotated[tuple[TomlFinite, TomlFinite, TomlFinite], Field(strict=False)] | None,
         hint("station = [x, y, z], three finite numbers in m"),
     ] = None
+    stations: Stations = None
+    _free_frames = model_validator(mode="before")(with_free_frames)
 
 
 class Conditions(TomlSection):

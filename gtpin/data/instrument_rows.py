@@ -15,6 +15,7 @@ from gtpin.data.ids import joint_codes
 from gtpin.data.instrument_tables import LARGEST, InstrumentTable, SocketTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.table import Column
+from gtpin.errors import DatasetError
 from gtpin.typing import Floats
 
 Rows = NDArray[np.bool_] | NDArray[np.integer[Any]] | slice | list[int]
@@ -55,12 +56,17 @@ class InstrumentRows:
         instrument: InstrumentSection | None = None,
         file: Path | None = None,
     ) -> InstrumentRows:
-        """Poses that a single tracker has read: T (N, 3), m, and quaternions (N, 4) or None; ``line``: (N,). It has no name."""
+        """Poses that a single tracker has read: T (N, 3), m, and quaternions (N, 4) or None; ``line``: (N,).
+
+        It has no name, except where it has several stations: it is then ``tracker``.
+        """
         columns = dict(zip(POSITION, T.T, strict=True))
         if quaternions is not None:
             columns |= dict(zip(ORIENTATION, quaternions.T, strict=True))
         declared = {} if instrument is None else instrument.model_dump(exclude={"frame", "target"})
         table, of = TrackerTable.model_construct(name="", kind="tracker", **declared), np.zeros(len(T), dtype=np.int64)
+        if instrument is not None and instrument.stations:
+            table = TrackerTable(name="tracker", kind="tracker", **instrument.model_dump())
         return InstrumentRows((table,), (file,), of, line, columns, np.full(len(T), -1), ({},))
 
     @property
@@ -73,6 +79,11 @@ class InstrumentRows:
         """Names of the instruments, in their order; none for a single tracker."""
         return tuple(table.name for table in self.tables if table.name)
 
+    @property
+    def stations(self) -> tuple[bool, ...]:
+        """For each instrument, whether it has a free frame for each session."""
+        return tuple(isinstance(table, TrackerTable) and table.stations is not None for table in self.tables)
+
     def __len__(self) -> int:
         return len(self.of)
 
@@ -84,6 +95,26 @@ class InstrumentRows:
             line=self.line[rows],
             columns={name: values[rows] for name, values in self.columns.items()},
             component=self.component[rows],
+        )
+
+    def at_stations(self, session: Column | None) -> InstrumentRows:
+        """The rows with the ids of the stations of trackers that have several: their ``session`` (N,); None: as before.
+
+        Raises `DatasetError` where there are none.
+        """
+        own = self.stations
+        if not any(own):
+            return self
+        if session is None and "session" not in self.columns:
+            what, hint = 'stations = "session" without sessions', "give each row of every table the session it is of"
+            raise DatasetError(what, file=self.files[own.index(True)], row=1, column="session", hint=hint)
+        column = self.columns["session"] if session is None else np.where(np.array(own)[self.of], session, "")
+        names = (tuple(sorted(set(column[self.of == i]))) for i in range(len(own)))
+        return replace(
+            self,
+            columns={**self.columns, "session": column},
+            known=tuple(k | {"session": n} if o else k for k, n, o in zip(self.known, names, own, strict=True)),  # type: ignore[operator]
+            lacking=tuple(k - {"session"} if o else k | {"session"} for k, o in zip(self.lacking, own, strict=True)),
         )
 
     def without_unvisited(self) -> InstrumentRows:
@@ -141,7 +172,7 @@ class InstrumentRows:
     def columns_of(self, index: int) -> dict[str, Column]:
         """The columns that an instrument reads, by name: those of its kind that are not empty in its rows."""
         rows, table = self.rows_of(index), self.tables[index]
-        names = [name for name in (*table.numbers, *table.optional, *table.ids) if name in self.columns]
+        names = [n for n in (*table.numbers, *table.optional, *table.ids, *self.known[index]) if n in self.columns]
         found = {name: self.columns[name][rows] for name in names}
         return {n: c for n, c in found.items() if not ((c == "") if c.dtype == object else np.isnan(c)).all()}
 

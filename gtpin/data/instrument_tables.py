@@ -7,9 +7,19 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, field_validator, model_validator
-from pydantic_core import PydanticCustomError
 
-from gtpin.data.description import SCHEMA, Description, Frame, describe, explained, hint, meant
+from gtpin.data.description import (
+    SCHEMA,
+    Description,
+    Frame,
+    Stations,
+    describe,
+    explained,
+    hint,
+    meant,
+    mistake,
+    with_free_frames,
+)
 from gtpin.errors import DatasetError
 
 LARGEST = 1e12
@@ -29,12 +39,6 @@ Point = Annotated[tuple[Finite, Finite, Finite], Field(strict=False)]
 Distance = Annotated[tuple[Text, Text, Positive, Positive], Field(strict=False)]
 _TARGET = hint("target = [x, y, z], three finite numbers in m, TCP frame")
 _DISTANCES = 'distances = [["S1", "S2", 0.05, 5e-5]]: two sockets, m, and 1 sigma'
-
-
-def mistake(key: str, what: str, hint: str) -> ValidationError:
-    """The error of keys that do not go together, named at one of them."""
-    error = PydanticCustomError("mistake", what, {"hint": hint})
-    return ValidationError.from_exception_data("instrument", [{"type": error, "loc": (key,), "input": None}])
 
 
 class InstrumentTable(BaseModel):
@@ -100,6 +104,11 @@ class InstrumentTable(BaseModel):
         """Names in the URDF of the passive joints whose coordinates it reads; none by default."""
         return ()
 
+    @property
+    def measured_links(self) -> tuple[str, ...]:
+        """Names of the links, beside the platform, whose rotations it reads; none by default."""
+        return ()
+
 
 class TrackerTable(InstrumentTable):
     """A laser tracker, a camera, or motion capture: positions, and orientations where it reads them.
@@ -108,6 +117,7 @@ class TrackerTable(InstrumentTable):
     - ``position_sigma``, ``orientation_sigma``: standard deviations per axis, m and rad; None where they are to be estimated.
     - ``frame``: ``robot`` where its frame is the base frame, ``free`` where the pose of the base frame in it is identified.
     - ``station``: (3,) the instrument's own position in its frame, m; None where it is not known.
+    - ``stations``: ``session`` where it has a free frame for each value of this column.
     """
 
     numbers: ClassVar[tuple[str, ...]] = ("x", "y", "z")
@@ -120,6 +130,8 @@ class TrackerTable(InstrumentTable):
     orientation_sigma: Sigma = None
     frame: Frame = "robot"
     station: Point | None = None
+    stations: Stations = None
+    _free_frames = model_validator(mode="before")(with_free_frames)
 
     @model_validator(mode="after")
     def _has_one_sigma_of_positions(self) -> Self:
@@ -210,16 +222,25 @@ class SocketTable(InstrumentTable):
 
 
 class TiltTable(InstrumentTable):
-    """A tilt sensor on the platform: the x and y component, in its own frame, of the unit vector against gravity.
+    """A tilt sensor on a link: the x and y component, in its own frame, of the unit vector against gravity.
 
-    ``mount_sigma``: standard deviation of the prior of each component of the rotation vector of its mounting, rad.
+    ``link``: name of the link in the URDF or MJCF; None: the platform, with the axes of the TCP frame. ``mount_sigma``:
+    standard deviation of the prior of each component of the rotation vector of its mounting, rad.
     """
 
     numbers: ClassVar[tuple[str, ...]] = ("tilt_x", "tilt_y")
     targetless: ClassVar[str] = "a tilt sensor"
 
     kind: Literal["tilt"]
+    link: Annotated[Text | None, hint('write link = "LINK", as in the robot\'s file; left out, it is the platform')] = (
+        None
+    )
     mount_sigma: NotNegative = 1e-2
+
+    @property
+    def measured_links(self) -> tuple[str, ...]:
+        """The link that it sits on."""
+        return (self.link,) if self.link else ()
 
 
 class EncoderTable(InstrumentTable):

@@ -102,7 +102,7 @@ def _poses(rows: InstrumentRows) -> dict[str, Any] | None:
     table, several = rows.tables[0], len(rows.tables) > 1 or len(rows.known[0].get("target", ())) > 1
     if several or "sx" in rows.columns or not isinstance(table, TrackerTable):
         return None
-    if isinstance(table.target, tuple) or table.targets or table.target_sigma:
+    if isinstance(table.target, tuple) or table.targets or table.target_sigma or table.stations:
         return None
     instrument = InstrumentSection(
         position_sigma=table.position_sigma or table.sigma,

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.checks.before_fit import plausible_rows
-from gtpin.calibration.checks.instruments import check_sockets
+from gtpin.calibration.checks.instruments import check_sockets, check_stations
 from gtpin.calibration.checks.prepared import known_noise, prepared, with_positions
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data import Dataset, check_commands, without_whole_turns
@@ -290,6 +290,7 @@ def _usable_readings(dataset: Dataset, model: Model) -> tuple[Dataset, Readings]
     dataset = without_whole_turns(dataset, robot)
     dataset = counted_once(with_positions(dataset, robot))
     check_sockets(dataset, robot)
+    check_stations(dataset)
     whole = single(dataset, robot)
     check_commands(dataset, robot)
     kept = whole.take(sane_rows(whole) & whole.readings.countable)

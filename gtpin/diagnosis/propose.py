@@ -48,7 +48,8 @@ def propose(design: Design, scope: Scope, *, changes: bool = False) -> Hypothesi
             # Whether geometry or uncertainty of the model absorb nearly all even of many times the typical size.
             X = design.columns(basis) * scope.priors.large
             if float(np.trace(marginal.product(X, X))) <= scope.priors.shows:
-                reason = Untestable("uncertain" if changes else "absorbed")
+                framed = any(design.measured.rows.stations) and "session" in effect.covariates(at.robot, site)
+                reason = Untestable("uncertain" if changes else "stations" if framed else "absorbed")
         if reason:
             untested.append(Untested(hypothesis, reason))
         else:

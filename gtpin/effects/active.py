@@ -108,7 +108,7 @@ def _displaced(
     effects: Sequence[ActiveEffect],
 ) -> Poses:
     """Poses with effects, for rows whose closures the geometry without effects can solve."""
-    commands, twist = q.copy(), np.zeros((len(q), 6))
+    commands, twist = q.copy(), np.zeros((len(q), 6 + 3 * len(plain.links)))
     twists = dict[int, Floats]()
     for active in effects:
         at = OperatingPoints(kinematics, q, plain, covariates, fixed=active.references)
@@ -123,9 +123,12 @@ def _displaced(
             _add(moved, {index: twist @ c for index, twist in on_carriers.items()})
         _add(twists, moved)  # twists are small: their order is a second-order effect
         if basis.twist is not None:
-            twist += basis.twist @ c
+            own = (basis.twist @ c)[:, : twist.shape[1]]
+            twist[:, : own.shape[1]] += own
     poses = kinematics.displaced(q, plain, commands, twists)
-    return replace(poses, T=poses.T + twist[:, :3], R=exp(twist[:, 3:]) @ poses.R)
+    turns = exp(twist[:, 3:].reshape(len(q), -1, 3))
+    links = {name: turns[:, i] @ R for i, (name, R) in enumerate(poses.links.items(), 1)}
+    return replace(poses, T=poses.T + twist[:, :3], R=turns[:, 0] @ poses.R, links=links)
 
 
 def _add(twists: dict[int, Floats], moved: Mapping[int, Floats]) -> None:

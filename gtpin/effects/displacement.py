@@ -25,7 +25,8 @@ class Displacement:
         (N, k, m) changes of the rods' lengths, m.
     twist
         (N, 6, m) motion of the measured pose while the robot does not move (an error of the instrument or the target):
-        position, m, and rotation vector, rad, base frame. Measured joints do not move then, unless there are rows for them.
+        position, m, and rotation vector, rad, base frame. Measured links and joints do not move then, unless there are rows
+        for them, as of :meth:`displacement`.
     placements
         Pairs of the index of a frame (:mod:`~gtpin.robot.placement_frames`), and (N, 6, m) twists, m and rad, of that frame, in
         its own axes.
@@ -52,7 +53,8 @@ class Displacement:
         return {name: part for name, part in found.items() if part is not None}
 
     def displacement(self, at: OperatingPoints) -> Floats:
-        """(N, 6 + k, m) first-order motion by unit coefficients: of the TCP, base frame, m and rad; of k measured joints."""
+        """(N, 6 + 3 l + k, m) first-order motion by unit coefficients: of the TCP, base frame, m and rad; of l measured links,
+        rotation vectors, rad; of k measured joints."""
         total = np.zeros((len(at), at.robot.motion_size, len(self)))
         if self.command is not None:
             actuator, travel = self.command

@@ -16,6 +16,7 @@ from gtpin.effects.effect import Effect, Parameters
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import guided, links, turns
+from gtpin.effects.smooth import of_frame
 from gtpin.errors import DatasetError
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.robot.chain import Chain, moving_links
@@ -73,7 +74,7 @@ def moved(
         return Displacement(sigma, twist=np.concatenate([R @ twist[:, :3], R @ twist[:, 3:]], axis=1))
     if site == "frame":
         turned = np.concatenate([instrument.axes @ twist[:, :3], instrument.axes @ twist[:, 3:]], axis=1)
-        return Displacement(sigma, twist=frame_motions(at.poses.T - instrument.origin) @ turned)
+        return Displacement(sigma, twist=of_frame(at, frame_motions(at.poses.T - instrument.origin) @ turned))
     found = _placement(robot, site)
     assert found is not None
     return Displacement(sigma, placements=tuple((index, action @ twist) for index, action in found))

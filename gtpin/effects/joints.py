@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -146,10 +147,12 @@ class BearingCompliance(Effect):
         sizes = [1.0, MODULATION.stiffening, 1.0, MODULATION.stiffening, 1.0]
         twist = np.concatenate([np.zeros_like(columns), columns], axis=1)
         model, joint_id = at.robot.model, at.robot.actuators[at.robot.sites.index(site)].joint_id
+        rocking = None
         if not model.parents[joint_id]:
             turns = np.swapaxes(tilts, 1, 2)
             base = np.asarray(model.jointPlacements[joint_id].actInv(np.zeros(3)))  # its origin, in the frame
             rocks = np.concatenate([np.cross(turns, -base, axisa=1, axisb=0, axisc=1), np.zeros_like(turns)], axis=1)
+            rocking = at.bodies.frame(frame.index)[0] @ turns
             twist = np.concatenate([twist, rocks], axis=2)
             sizes += [MODULATION.pivot] * 3
             if at.has("time"):
@@ -157,7 +160,14 @@ class BearingCompliance(Effect):
                 settles = np.concatenate([np.zeros_like(turns), turns * late[:, None, None]], axis=1)
                 twist = np.concatenate([twist, settles], axis=2)
                 sizes += [MODULATION.settling] * 3
-        return of_body(at, site, twist, unit(sizes, 5e-6))
+        found = of_body(at, site, twist, unit(sizes, 5e-6))
+        on_base = [3 * i for i, link in enumerate(at.robot.measured_links, 2) if not link.joint_id]
+        if rocking is None or not on_base:
+            return found
+        seen = np.zeros((len(at), at.robot.motion_size, len(found)))
+        for first in on_base:  # a link of the base turns with it, as far as the base rocks
+            seen[:, first : first + 3, 5:8] = rocking
+        return replace(found, twist=seen)
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         a, harder_a, b, harder_b, skew = (float(c) for c in coefficients[:5])

@@ -170,11 +170,11 @@ def _drift(at: OperatingPoints) -> tuple[Floats, Floats]:
 
 
 def _moved(twist: Floats, freedom: Floats, over: Floats, size: Floats) -> Displacement:
-    """Motions ``twist`` (N, 6, 6) in six degrees of freedom, each times the columns ``over`` (N, k).
+    """Motions ``twist`` (N, 6 + 3 l, 6) in six degrees of freedom, each times the columns ``over`` (N, k).
 
     ``freedom``, ``size``: sizes of the degrees of freedom (6,) and of the columns (k,).
     """
-    columns = (twist[:, :, None] * over[:, None, :, None]).reshape(len(twist), 6, -1)
+    columns = (twist[:, :, None] * over[:, None, :, None]).reshape(*twist.shape[:2], -1)
     return Displacement(np.outer(size, freedom).ravel(), twist=columns)
 
 

@@ -75,11 +75,17 @@ FREEDOMS = tuple((f"{kind}_{axis}", unit) for kind, unit in (("shift", "m"), ("t
 
 
 def frame_twist(at: OperatingPoints) -> tuple[Floats, Floats]:
-    """(N, 6, 6) motion of the measured pose per unit shift, m, and turn, rad, of the frame, and (6,) their typical sizes.
+    """(N, 6 + 3 l, 6) motion of the measured pose and l links per unit shift, m, and turn, rad, of the frame, and (6,) sizes.
 
     Shifts and turns are along and about the axes of the base frame, turns about the TCP at home.
     """
-    return frame_motions(at.poses.T - at.kinematics.home.T[0]), np.array([SHIFT] * 3 + [TURN] * 3)
+    moved = of_frame(at, frame_motions(at.poses.T - at.kinematics.home.T[0]))
+    return moved, np.array([SHIFT] * 3 + [TURN] * 3)
+
+
+def of_frame(at: OperatingPoints, twist: Floats) -> Floats:
+    """(N, 6 + 3 l, m) motions (N, 6, m) of the measured pose with its frame, with those of l measured links: their turn."""
+    return np.concatenate([twist, *(twist[:, 3:] for _ in at.robot.measured_links)], axis=1)
 
 
 def target_twist(at: OperatingPoints) -> Floats:

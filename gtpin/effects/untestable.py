@@ -15,6 +15,7 @@ Kind = Literal[
     "no_masses",
     "single_joint",
     "absorbed",
+    "stations",
     "unrecorded_payload",
     "not_searched",
     "uncertain",
@@ -37,6 +38,7 @@ class Untestable:
         links have no masses, and no payload or force was recorded.
         ``single_joint``: the cart carries one joint. A rotation of the cart about it has no effect on the TCP.
         ``absorbed``: geometric calibration absorbs it, even at a large size (``large`` of the priors).
+        ``stations``: a free frame for each session absorbs it.
         ``unrecorded_payload``: the payload may have varied without being recorded. The effect can be tested with the
         recorded loads only. With other loads it could be the cause although that test does not find it.
         ``not_searched``: a check of few poses does not search for periods and places of steps.

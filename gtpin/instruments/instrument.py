@@ -132,8 +132,8 @@ class RowError(DatasetError):
 class Instrument(ABC):
     """The measurement equation of an instrument: z = h(X, u) + noise, with u the instrument's own unknowns.
 
-    X is the pose of the platform and, where ``table.measured_joints`` names passive joints, their coordinates. The instrument
-    has M rows, c components in a reading and k unknowns.
+    X is the pose of the platform and, where ``table.measured_joints`` names passive joints, their coordinates; where
+    ``table.measured_links`` names links, their rotations. The instrument has M rows, c components in a reading and k unknowns.
 
     A subclass defines the keys and columns of its table (``Table``), its unknowns with their priors (``_unknowns``), the
     numbers of a reading (``components``) and what it would read at given poses (``predicted``). What was read (``measured``)
@@ -244,7 +244,7 @@ class Instrument(ABC):
         Parameters
         ----------
         poses
-            (M) poses of the TCP, base frame, with the coordinates of measured joints.
+            (M) poses of the TCP, base frame, with the rotations of measured links and the coordinates of measured joints.
         u
             (k,) deviations of the unknowns from their declared values, m or rad.
         """
@@ -266,6 +266,15 @@ class Instrument(ABC):
     def _slope(self, ahead: tuple[Poses, Floats], behind: tuple[Poses, Floats]) -> Floats:
         """(M, c) derivative of the prediction by central differences between two states."""
         return (self.residual_at(*behind) - self.residual_at(*ahead)) / (2.0 * STEP)
+
+    def by_links(self, poses: Poses, u: Floats) -> Floats:
+        """(M, c, 3 l) derivative of the prediction by rotation vectors, rad, base frame, of the l links in ``poses.links``."""
+        found = np.zeros((len(poses), len(self.components), 3 * len(poses.links)))
+        for i, (name, R) in enumerate(poses.links.items()):
+            for k, way in enumerate(STEP * np.eye(3) if name in self.table.measured_links else ()):
+                sides = (replace(poses, links={**poses.links, name: exp(s * way) @ R}) for s in (1.0, -1.0))
+                found[:, :, 3 * i + k] = self._slope(*((side, u) for side in sides))
+        return found
 
     def by_joints(self, poses: Poses, u: Floats) -> Floats:
         """(M, c, j) derivative of the prediction by the coordinates, rad or m, of the j joints in ``poses.joints``."""

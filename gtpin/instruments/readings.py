@@ -202,14 +202,16 @@ class Readings:
         return self._each(lambda i, one: one.residual_at(self._part(poses, i), self.u[self._own[i]]))
 
     def by_motion(self, poses: Poses) -> Floats:
-        """(N, c, 6 + j) derivative of the readings by a shift, m, and a rotation vector, rad, of the platform, base frame, and
-        by the coordinates, rad or m, of the robot's j measured joints.
+        """(N, c, 6 + 3 l + j) derivative of the readings by a shift, m, and a rotation vector, rad, of the platform, base
+        frame, by rotation vectors of the robot's l measured links, and by the coordinates, rad or m, of its j measured joints.
         """
 
         def own(i: int, one: Instrument) -> Floats:
             there, u = self._part(poses, i), self.u[self._own[i]]
-            by_pose = one.by_pose(there, u)
-            return np.concatenate([by_pose, one.by_joints(there, u)], axis=2) if there.joints else by_pose
+            parts = [one.by_pose(there, u)]
+            parts += [one.by_links(there, u)] if there.links else []
+            parts += [one.by_joints(there, u)] if there.joints else []
+            return np.concatenate(parts, axis=2) if len(parts) > 1 else parts[0]
 
         return self._each(own)
 

@@ -10,14 +10,17 @@ import numpy as np
 from gtpin.data.instrument_tables import TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.read_instruments import SIGMAS
+from gtpin.errors import DatasetError
 from gtpin.instruments.frame_and_target import TURN, alignment, frame_and_target
-from gtpin.instruments.instrument import Component, Unknown
-from gtpin.instruments.targets import AXES, OfTargets, Targets
+from gtpin.instruments.instrument import Component, RowError, Unknown
+from gtpin.instruments.targets import AXES, OfTargets, Targets, placed
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import exp, from_quaternions, left_jacobian, log, skew
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Indices
 
 TURNS = ("rx", "ry", "rz")
+SHOWN = 10
+"""Largest number of sessions that an error message lists."""
 
 
 class Tracker(OfTargets):
@@ -28,7 +31,7 @@ class Tracker(OfTargets):
 
     Unknown, in brackets the standard deviation of the prior: the targets' points on the platform (``target_sigma``). For
     ``target = "free"``: these points (0.3 m) and M (2 rad), so that what the poses do not determine of them stays as declared;
-    otherwise M is the identity. For ``frame = "free"``: F and f, without a prior.
+    otherwise M is the identity. For ``frame = "free"``: F and f, without a prior; with ``stations``, of each of them.
     """
 
     kind, Table = "tracker", TrackerTable
@@ -50,11 +53,30 @@ class Tracker(OfTargets):
             for target in self._mounts
             for axis in TURNS
         ]
-        frame = [
-            Unknown(f"{self.table.name}.frame.{axis}", "m" if axis in AXES else "rad", 0.0, np.inf)
-            for axis in ((*AXES, *TURNS) if self.table.frame == "free" else ())
+        stations = self._stations()
+        self._n_frames = len(stations)
+        frames = [
+            Unknown(f"{self.table.name}.frame{station}.{axis}", "m" if axis in AXES else "rad", 0.0, np.inf)
+            for station in stations
+            for axis in (*AXES, *TURNS)
         ]
-        return self._identified((*self.targets.unknowns, *mounts, *frame))
+        return self._identified((*self.targets.unknowns, *mounts, *frames))
+
+    def _stations(self) -> list[str]:
+        """Places in the names of the free frames: ``[S1]``; sets ``of_frame``, (M,) the frame of each row."""
+        self.of_frame: Indices = np.zeros(self.read.count, dtype=np.intp)
+        if self.table.stations is None:
+            return [""] if self.table.frame == "free" else []
+        names, sessions = self.read.known.get("session", ()), self.read.ids.get("session")
+        hint = f"the fit had the sessions {', '.join(names[:SHOWN])}{', ...' if len(names) > SHOWN else ''}"
+        if sessions is None:
+            raise DatasetError("which station?", row=1, column="session", hint=f"add the column; {hint}")
+        place = {name: i for i, name in enumerate(names)}
+        for i, session in enumerate(sessions):
+            if session not in place:
+                raise RowError(i, f"no frame is known of a station in session {session}", "session", hint)
+        self.of_frame[:] = [place[session] for session in sessions]
+        return [f"[{name}]" for name in names]
 
     @property
     def declared(self) -> tuple[float | None, ...]:
@@ -103,18 +125,21 @@ class Tracker(OfTargets):
 
     def _read_at(self, poses: Poses, u: Floats) -> Poses:
         """The poses of the targets in the instrument's frame."""
-        t, mount, shift, turn = self._split(u)
+        t, mount, frames = self._split(u)
         R = poses.R @ exp(mount.reshape(-1, 3))[self.targets.of] if len(mount) else poses.R
         seen = Poses(self.targets.positions(poses, t), R)
-        return seen.moved(shift, exp(turn)) if self.table.frame == "free" else seen
+        if not len(frames):
+            return seen
+        one = frames[self.of_frame] if len(frames) > 1 else frames[0]
+        return seen.moved(one[..., :3], exp(one[..., 3:]))
 
     def by_pose(self, poses: Poses, u: Floats) -> Floats:
         """(M, c, 6) derivative, in the instrument's frame, by the TCP's position (m) and rotation vector (rad), base frame.
 
         For the orientation it is that at a residual of 0; residuals are small.
         """
-        t, _, _, turn = self._split(u)
-        F = exp(turn)
+        t, _, frames = self._split(u)
+        F = self._turns(frames)
         moved = F @ self.targets.by_pose(poses, t)
         if not self.turned:
             return np.asarray(moved)
@@ -124,8 +149,8 @@ class Tracker(OfTargets):
 
     def by_unknown(self, poses: Poses, u: Floats) -> Floats:
         """(M, c, k) derivative by the targets, their orientations on the platform, and the frame; see :meth:`by_pose`."""
-        t, mount, _, turn = self._split(u)
-        F = exp(turn)
+        t, mount, frames = self._split(u)
+        F = self._turns(frames)
         found = np.zeros((len(poses), len(self.components), len(self._kept)))
         k = self.targets.count
         found[:, :3, :k] = F @ self.targets.by_unknown(poses)
@@ -133,46 +158,65 @@ class Tracker(OfTargets):
             for i in range(len(self._mounts)):
                 rows = self.targets.of == i
                 own = slice(k + 3 * i, k + 3 * i + 3)
-                found[rows, 3:, own] = F @ poses.R[rows] @ left_jacobian(mount[3 * i : 3 * i + 3])
-        if self.table.frame == "free":
-            turned = left_jacobian(turn)
-            found[:, :3, -6:-3] = np.eye(3)
-            found[:, :3, -3:] = -skew(self.targets.positions(poses, t) @ F.T) @ turned
+                found[rows, 3:, own] = F[rows] @ poses.R[rows] @ left_jacobian(mount[3 * i : 3 * i + 3])
+        if len(frames):
+            turned = left_jacobian(frames[:, 3:])[self.of_frame]
+            moved = np.zeros((len(poses), len(self.components), 6))
+            moved[:, :3, :3] = np.eye(3)
+            moved[:, :3, 3:] = -skew(np.einsum("nij,nj->ni", F, self.targets.positions(poses, t))) @ turned
             if self.turned:
-                found[:, 3:, -3:] = turned
+                moved[:, 3:, 3:] = turned
+            found[:, :, -frames.size :] = placed(moved, self.of_frame, len(frames))
         return found[:, :, self._kept]
 
     def start(self, nominal: Poses) -> Floats:
-        """(k,) first guess: a free frame, and free targets, by a fit of nominal and measured poses; all else 0."""
-        u, free, shift, F = np.zeros(len(self._kept)), self.table.frame == "free", np.zeros(3), np.eye(3)
+        """(k,) first guess: free frames, and free targets, by fits of nominal and measured poses; all else 0."""
+        u, k, count = np.zeros(len(self._kept)), self.targets.count, max(self._n_frames, 1)
+        frames: list[tuple[Floats, Floats] | None] = [None if self._n_frames else (np.zeros(3), np.eye(3))] * count
         if self.table.target == "free":
-            shift, F = self._start_of_targets(nominal, u, free)
-        elif free and len(self.positions):
-            at = Poses(self.targets.positions(nominal, u[: self.targets.count]), nominal.R)
-            shift, F = alignment(at, self.positions, self.rotations)
-        if free:
-            u[-6:-3], u[-3:] = shift, log(F[None])[0]
+            self._start_of_targets(nominal, u, frames)
+        mounts = exp(u[k : k + 3 * len(self._mounts)].reshape(-1, 3))
+        at = Poses(
+            self.targets.positions(nominal, u[:k]), nominal.R @ mounts[self.targets.of] if self._mounts else nominal.R
+        )
+        for s in range(self._n_frames):
+            rows, frame = self.of_frame == s, frames[s]
+            if frame is None and rows.any():
+                frame = alignment(
+                    at[rows], self.positions[rows], None if self.rotations is None else self.rotations[rows]
+                )
+            if frame is not None:
+                own = len(u) - 6 * (count - s)
+                u[own : own + 3], u[own + 3 : own + 6] = frame[0], log(frame[1][None])[0]
         return u[self._kept]
 
-    def _start_of_targets(self, nominal: Poses, u: Floats, free: bool) -> tuple[Floats, Floats]:
-        """Set the first guess of free targets in u; give that of the frame, which comes from the target with most rows."""
-        k, shift, F = self.targets.count, np.zeros(3), np.eye(3)
-        for i in np.argsort(-np.bincount(self.targets.of, minlength=len(self.targets.declared)), kind="stable"):
-            rows = self.targets.of == i
-            if not rows.any():
+    def _start_of_targets(self, nominal: Poses, u: Floats, frames: list[tuple[Floats, Floats] | None]) -> None:
+        """Set the first guess of free targets in u, and that of the frames in which they are found.
+
+        Each is found from the station with most of its rows; the one with most of all together with the frame of its station.
+        """
+        k, placed_targets = self.targets.count, set[int]()
+        pairs = self.targets.of * len(frames) + self.of_frame
+        for pair in np.argsort(-np.bincount(pairs, minlength=len(frames) * len(self.targets.declared)), kind="stable"):
+            rows, (i, s) = pairs == pair, divmod(int(pair), len(frames))
+            if i in placed_targets or not rows.any():
                 continue
+            shift, F = frames[s] or (np.zeros(3), np.eye(3))
             T = (self.positions[rows] - shift) @ F
             R = None if self.rotations is None else F.T @ self.rotations[rows]
-            place = frame_and_target(nominal[rows], T, R, free_frame=free)
-            if free:
-                shift, F, free = place.shift, place.turn, False
+            place = frame_and_target(nominal[rows], T, R, free_frame=frames[s] is None)
+            frames[s] = frames[s] or (place.shift, place.turn)
             u[3 * i : 3 * i + 3] = place.at - self.targets.declared[i]
             if self._mounts:
                 u[k + 3 * i : k + 3 * i + 3] = log(place.mount[None])[0]
-        return shift, F
+            placed_targets.add(i)
 
-    def _split(self, u: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    def _turns(self, frames: Floats) -> Floats:
+        """(M, 3, 3) rotation of the base frame in the frame of each row."""
+        return np.asarray((exp(frames[:, 3:]) if len(frames) else np.eye(3)[None])[self.of_frame])
+
+    def _split(self, u: Floats) -> tuple[Floats, Floats, Floats]:
+        """The parts of u: (3 n,) of n targets, (3 m,) of m mountings, and (K, 6) of the free frames: shift, rotation vector."""
         whole, k = self._whole(u), self.targets.count
-        if self.table.frame == "free":
-            return whole[:k], whole[k:-6], whole[-6:-3], whole[-3:]
-        return whole[:k], whole[k:], np.zeros(3), np.zeros(3)
+        of_frames = len(whole) - 6 * self._n_frames
+        return whole[:k], whole[k:of_frames], whole[of_frames:].reshape(-1, 6)

@@ -114,7 +114,7 @@ class LoopClosure:
 
     def _private(self) -> Ints:
         """(L, 2) the two passive velocities of each loop that move nothing else; (0, 2) unless all loops have two."""
-        none, measured = np.zeros((0, 2), dtype=int), self.robot.measured_joints
+        none, measured = np.zeros((0, 2), dtype=int), (*self.robot.measured_joints, *self.robot.measured_links)
         if not self.count or self.follows or self.robot.rank < self.robot.n_passive or measured:
             return none
         used = self.S[:, self.passive] != 0.0

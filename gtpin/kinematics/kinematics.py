@@ -43,9 +43,10 @@ if these are at least such a part of the nodes. Assumed."""
 class Kinematics:
     """Kinematics of one geometry for many commands. All poses and derivatives are in the base frame.
 
-    Derivatives have six rows, for the TCP's position (m) and rotation vector (rad), then one row for the coordinate (rad or m)
-    of each of the robot's k measured joints (by default k = 0). Poses have these coordinates under ``joints``. Everywhere
-    ``q`` are (N, n) commands, m or rad, and ``poses`` the (N) poses at them. Frames and their twists are those of
+    Derivatives have six rows, for the TCP's position (m) and rotation vector (rad), then three for the rotation vector (rad) of
+    each of the robot's l measured links, then one row for the coordinate (rad or m) of each of its k measured joints (by
+    default l = k = 0). Poses have these rotations and coordinates under ``links`` and ``joints``. Everywhere ``q`` are (N, n)
+    commands, m or rad, and ``poses`` the (N) poses at them. Frames and their twists are those of
     :mod:`~gtpin.robot.placement_frames`.
 
     ``geometry``: the geometry.
@@ -103,8 +104,8 @@ class Kinematics:
             raise ModelError(
                 f"commands of shape {q.shape} for {self.robot.name}", hint=f"give an array of shape (N, {n})"
             )
-        X = np.full((len(q), self.robot.model.nq), np.nan)
-        T, R, begin = np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan), np.zeros(len(q))
+        X, T, R = self._unknown(len(q))
+        begin = np.zeros(len(q))
         near = None if start is None else start.configuration
         if near is None and self.loops.count:
             near = self._kept.get(q.tobytes()) if self._is_plain else nominal(self.robot).known(q)
@@ -156,8 +157,7 @@ class Kinematics:
         ``plain``: the poses at q. ``twists``: by index of a frame, (N, 6) twists in its own axes, m and rad.
         """
         begin = self._configurations(q, plain)
-        X = np.full((len(q), self.robot.model.nq), np.nan)
-        T, R = np.full((len(q), 3), np.nan), np.full((len(q), 3, 3), np.nan)
+        X, T, R = self._unknown(len(q))
         for rows in _chunks(np.arange(len(q))):
             placed, moved = self.placed_at(q[rows]), {f: twist[rows] for f, twist in twists.items()}
             here, reached, placed = self._moved(q[rows], begin[rows], commands[rows], placed, moved)
@@ -175,7 +175,7 @@ class Kinematics:
         return FrameMotion(self.loops, self.loops.at(self._configurations(q, poses), placed), placed)
 
     def command_jacobian(self, q: Floats, poses: Poses, at: FrameMotion | None = None) -> Floats:
-        """(N, 6 + k, n) derivative of the poses by the commands; ``at``: the motion at q, where it is known."""
+        """(N, 6 + 3 l + k, n) derivative of the poses by the commands; ``at``: the motion at q, where it is known."""
         if at is None:
             moved = np.empty((len(q), self.robot.motion_size, self.robot.n_actuators))
             for rows in _chunks(np.arange(len(q))):
@@ -185,7 +185,7 @@ class Kinematics:
         return moved * self.geometry.scale if self.moves.scales else moved
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
-        """(N, 6 + k, p) derivative of the poses by the parameters of the geometry."""
+        """(N, 6 + 3 l + k, p) derivative of the poses by the parameters of the geometry."""
         count = len(self.geometry.parameters)
         found = np.empty((len(q), self.robot.motion_size, count))
         for rows in _chunks(np.arange(len(q))):
@@ -344,6 +344,12 @@ class Kinematics:
             reached[rows] = found
         return here, reached, moved
 
+    def _unknown(self, n: int) -> tuple[Floats, Floats, Floats]:
+        """(N, nq) configurations, (N, 3) positions, m, and (N, 1 + l, 3, 3) rotations of TCP and measured links, all NaN."""
+        shapes = (self.robot.model.nq,), (3,), (1 + len(self.robot.measured_links), 3, 3)
+        X, T, R = (np.full((n, *shape), np.nan) for shape in shapes)
+        return X, T, R
+
     def _write(
         self, here: Here, placed: PlacedParts, reached: Mask, rows: Ints, X: Floats, T: Floats, R: Floats
     ) -> None:
@@ -353,11 +359,14 @@ class Kinematics:
         turn, rows = rotation(carrier), rows[reached]
         X[rows] = here.X[reached]
         T[rows] = (turn @ tcp[..., 9:, None])[..., 0] + carrier[:, 9:]
-        R[rows] = turn @ rotation(tcp)
+        R[rows, 0] = turn @ rotation(tcp)
+        for i, link in enumerate(self.robot.measured_links, 1):
+            R[rows, i] = rotation(here.oMi[reached, link.joint_id]) @ link.rotation
 
     def _poses(self, X: Floats, T: Floats, R: Floats) -> Poses:
         joints = {joint.name: joint.coordinates(X) for joint in self.robot.measured_joints}
-        return Poses(T, R, joints, X if self.loops.count else None)
+        links = {link.name: R[:, i] for i, link in enumerate(self.robot.measured_links, 1)}
+        return Poses(T, R[:, 0], joints, X if self.loops.count else None, links)
 
     def _configurations(self, q: Floats, poses: Poses) -> Floats:
         """(N, nq) configurations of poses at commands q."""

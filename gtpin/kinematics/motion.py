@@ -1,4 +1,4 @@
-"""First-order motion of the TCP and the measured joints by commands, and by twists of the robot's frames, at many postures."""
+"""First-order motion of TCP, measured links and joints by commands, and by twists of the robot's frames, at many postures."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ class FrameMotion:
     """Motion by displaced frames, and by commands, at N postures whose loops stay closed.
 
     Frames and their indices are those of :mod:`~gtpin.robot.placement_frames`. Motions are of the TCP (position,
-    m, rotation vector, rad; base frame), then of the coordinates of the robot's k measured joints (rad or m).
+    m, rotation vector, rad; base frame), then rotation vectors, rad, of the robot's l measured links, base frame, then of the
+    coordinates of its k measured joints (rad or m).
 
     With dx = -D^-1 b of the passive velocities, where b is the change of the closure equations, a twist moves the TCP by its
     own motion and by H b, H = -J_tcp D^-1.
@@ -29,10 +30,12 @@ class FrameMotion:
         self._J, self._placements = robot.model.njoints - 1, placed.of_joints(robot)
         tcp = here.oMi[:, robot.tcp_joint]
         self._R_tcp, self._T_tcp = _times(tcp, placed.tcp)
-        J_tcp = np.swapaxes(here.J * loops.tcp[:, None], 1, 2)
+        self._supports = [set(robot.model.supports[link.joint_id]) for link in robot.measured_links]
+        each = [here.J[..., 3:] * np.isin(loops.joint_of, list(own))[:, None] for own in self._supports]
+        J_tcp = np.swapaxes(np.concatenate([here.J * loops.tcp[:, None], *each], axis=2), 1, 2)
         if loops.follows:
             J_tcp = J_tcp @ loops.fold
-        J_tcp[:, :3] -= skew(self._T_tcp) @ J_tcp[:, 3:]
+        J_tcp[:, :3] -= skew(self._T_tcp) @ J_tcp[:, 3:6]
         driven = J_tcp[:, :, loops.driven]
         if loops.count:
             equations = loops.equations(here)
@@ -44,7 +47,7 @@ class FrameMotion:
                 driven = np.concatenate([driven, np.zeros((n, len(own), driven.shape[2]))], axis=1)
             driven = driven + self._H @ loops.by_velocities(here, self._F, loops.driven)
         self.by_commands: Floats = driven
-        """(N, 6 + k, n) motion by each command."""
+        """(N, 6 + 3 l + k, n) motion by each command."""
         self._rows: dict[int, tuple[Floats, Floats]] = {}
 
     def __len__(self) -> int:
@@ -52,7 +55,7 @@ class FrameMotion:
 
     @property
     def size(self) -> int:
-        """6 + k: number of components of a motion."""
+        """6 + 3 l + k: number of components of a motion."""
         return self._loops.robot.motion_size
 
     def frame(self, index: int) -> tuple[Floats, Floats]:
@@ -78,23 +81,25 @@ class FrameMotion:
         return R if np.array_equal(axes, np.eye(3)) else R @ axes
 
     def by_twist(self, index: int, twist: Floats) -> Floats:
-        """(N, 6 + k, m) motion by twists (N, 6, m) or (6, m) of one frame, in its own axes."""
+        """(N, 6 + 3 l + k, m) motion by twists (N, 6, m) or (6, m) of one frame, in its own axes."""
         found = np.zeros((len(self), self.size, twist.shape[-1]))
         equations = self._changed(index)
         if len(equations):
             found += self._H[:, :, equations] @ self._change(index, twist)
         if self._moves_tcp(index):
             found[:, :6] += self._carried(index) @ twist
+        for rows in self._turned_links(index):
+            found[:, rows] += self._rotation(index) @ twist[..., 3:, :]
         return found
 
     @cached_property
     def by_rod_lengths(self) -> Floats:
-        """(N, 6 + k, r) motion by the length of each of r rods."""
+        """(N, 6 + 3 l + k, r) motion by the length of each of r rods."""
         ways = [self.by_twist(frame, along[:, None]) for frame, along in self._loops.robot.longer_rods]
         return np.concatenate([np.zeros((len(self), self.size, 0)), *ways], axis=2)
 
     def by_parameters(self, moves: Moves, count: int, q: Floats) -> Floats:
-        """(N, 6 + k, count) motion by the parameters of a geometry, at commands q (N, n)."""
+        """(N, 6 + 3 l + k, count) motion by the parameters of a geometry, at commands q (N, n)."""
         if self._loops.count:
             b = np.zeros((len(self), len(self._loops.loop_of), count))
             for index, columns, twists in moves.frames:
@@ -107,12 +112,20 @@ class FrameMotion:
         for index, columns, twists in moves.frames:
             if self._moves_tcp(index):
                 found[:, :6, columns] += self._carried(index) @ twists
+            for rows in self._turned_links(index):
+                found[:, rows, columns] += self._rotation(index) @ twists[..., 3:, :]
         for column, actuator in moves.scales:
             found[:, :, column] += self.by_commands[:, :, actuator] * q[:, actuator, None]
         return np.asarray(found)
 
     def _moves_tcp(self, index: int) -> bool:
         return index == self._J or (index < self._J and bool(self._loops.moves_tcp[index + 1]))
+
+    def _turned_links(self, index: int) -> list[slice]:
+        """The components of the measured links that a frame carries."""
+        return [
+            slice(6 + 3 * i, 9 + 3 * i) for i, own in enumerate(self._supports) if index < self._J and index + 1 in own
+        ]
 
     def _carried(self, index: int) -> Floats:
         """(N, 6, 6) motion of the TCP by twists of a frame that carries it."""

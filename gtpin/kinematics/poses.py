@@ -35,6 +35,8 @@ class Poses(Shown):
     configuration
         (N, nq) Pinocchio configurations, of the robot's own joints, of poses that kinematics computed; None where they are not
         known.
+    links
+        By name, (N, 3, 3) rotations, to the base frame, of the robot's measured links at these poses; empty where it has none.
 
     Examples
     --------
@@ -51,6 +53,7 @@ class Poses(Shown):
     R: Floats
     joints: Mapping[str, Floats] = field(default_factory=dict)
     configuration: Floats | None = None
+    links: Mapping[str, Floats] = field(default_factory=dict)
 
     @staticmethod
     def unknown(count: int, joints: Iterable[str] = ()) -> Poses:
@@ -89,13 +92,16 @@ class Poses(Shown):
         one, two = self.configuration, others.configuration
         joints = {name: join(x, others.joints[name]) for name, x in self.joints.items()}
         configuration = None if one is None or two is None else join(one, two)
-        return Poses(join(self.T, others.T), join(self.R, others.R), joints, configuration)
+        links = {name: join(R, others.links[name]) for name, R in self.links.items()}
+        return Poses(join(self.T, others.T), join(self.R, others.R), joints, configuration, links)
 
     def put(self, rows: npt.NDArray[np.generic] | slice, some: Poses) -> None:
         """Write other poses into some rows of these arrays."""
         self.T[rows], self.R[rows] = some.T, some.R
         for name, x in self.joints.items():
             x[rows] = some.joints[name]
+        for name, R in self.links.items():
+            R[rows] = some.links[name]
         if self.configuration is not None and some.configuration is not None:
             self.configuration[rows] = some.configuration
 
@@ -114,9 +120,11 @@ class Poses(Shown):
     def moved(self, T: Floats, R: Floats) -> Poses:
         """The same poses in another frame, in which the present frame has the position T (3,), m, and the rotation R (3, 3).
 
-        A position p becomes R p + T, and a rotation Q becomes R Q.
+        A position p becomes R p + T, and a rotation Q becomes R Q. With T (N, 3) and R (N, 3, 3), each pose in a frame of its
+        own.
         """
-        return replace(self, T=self.T @ R.T + T, R=R @ self.R)
+        turned = self.T @ R.T if R.ndim == 2 else np.einsum("nij,nj->ni", R, self.T)
+        return replace(self, T=turned + T, R=R @ self.R)
 
     def minus(self, other: Poses) -> Floats:
         """(N, 6) these poses less the N poses ``other``: position (m) and rotation vector (rad), in the frame of the poses.

@@ -66,17 +66,20 @@ def check_alike(robot: Chain, other: Chain, whose: str, file: Path | None = None
 
 
 def measuring(robot: Chain, dataset: Dataset) -> Chain:
-    """The robot with the passive joints measured that the dataset's instruments read.
+    """The robot with the passive joints and the links measured that the dataset's instruments read.
 
-    Raises `DatasetError` for a joint that can't be read; the message says which can.
+    Raises `DatasetError` for a joint that can't be read, and for a link that is not there; the message says which can.
     """
     tables = dataset.readings.tables
     try:
-        return robot.measuring(joint for table in tables for joint in table.measured_joints)
+        return robot.measuring(
+            (j for t in tables for j in t.measured_joints), (k for t in tables for k in t.measured_links)
+        )
     except RobotError as error:
-        known = set(readable(robot))
-        number = next(i for i, table in enumerate(tables) if not known.issuperset(table.measured_joints))
-        column = f"instrument.{number}.joint"
+        known = {*readable(robot), *robot.links}
+        read = [(*table.measured_joints, *table.measured_links) for table in tables]
+        number = next(i for i, names in enumerate(read) if not known.issuperset(names))
+        column = f"instrument.{number}.{error.column}"
         raise DatasetError(error.what, file=dataset.toml, column=column, hint=error.hint) from None
 
 

@@ -228,7 +228,10 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
     robot = Chain(RobotDescription.read(folder / content.nominal_urdf), content.tcp)
     instruments = tuple(_instrument(i, one, file) for i, one in enumerate(content.instruments))
     try:
-        robot = robot.measuring(joint for one in instruments for joint in one.table.measured_joints)
+        tables = [one.table for one in instruments]
+        robot = robot.measuring(
+            (j for t in tables for j in t.measured_joints), (k for t in tables for k in t.measured_links)
+        )
         geometry = _geometry(robot, content)
         frame, names = _frame(content), list(content.parameters)
         order = [names.index(name) for name in geometry.names]

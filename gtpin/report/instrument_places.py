@@ -29,7 +29,7 @@ class InstrumentPlaces:
     - ``planes``: (3,) a point of each plane, base frame, m, and (3,) its unit normal, base frame.
     - ``sockets``: (3,) points of sockets, base frame, m.
     - ``distances``: names of two sockets, and their known distance, m.
-    - ``tilts``: (3, 3) axes of tilt sensors as columns, TCP frame.
+    - ``tilts``: (3, 3) axes of tilt sensors on the platform as columns, TCP frame.
     - ``encoders``: names in the URDF of the passive joints that encoders read.
     """
 
@@ -89,7 +89,11 @@ class InstrumentPlaces:
                     for key, at in table.stations.items()
                 }
             case TrackerTable(frame="free"):
-                stations = {name: -_deviation(one, "frame") @ exp(_deviation(one, "frame", TURNS))}
+                sessions = dict.fromkeys(one.known.get("session", ("",)))
+                for key in sessions:
+                    frame = f"frame[{key}]" if table.stations else "frame"
+                    at = -_deviation(one, frame) @ exp(_deviation(one, frame, TURNS))
+                    stations[_label(name, key, sessions)] = at
             case TrackerTable():
                 stations = {} if table.station is None else {name: np.array(table.station)}
             case PlaneTable():
@@ -109,7 +113,8 @@ class InstrumentPlaces:
                 )
             case TiltTable():
                 targets = {}
-                self.tilts[name] = np.asarray(exp(_deviation(one, "mount", TURNS)))
+                if table.link is None:
+                    self.tilts[name] = np.asarray(exp(_deviation(one, "mount", TURNS)))
             case _:
                 targets = {}
         self.stations.update(stations)

@@ -1,8 +1,9 @@
-"""The robot: its closed chain, its rods and links, the names of its sites, and its passive joints that are measured."""
+"""The robot: its closed chain, its rods and links, the names of its sites, its passive joints and links that are measured."""
 
 from __future__ import annotations
 
 import copy
+import difflib
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -98,6 +99,27 @@ def _passive(robot: ConstrainedModel) -> list[int]:
     return [int(v) for v in np.arange(robot.model.nv)[robot.passive]]
 
 
+@dataclass(frozen=True, eq=False)
+class MeasuredLink:
+    """A link whose rotation is measured: its name in the file, the Pinocchio joint that carries it (0: the base), and its
+    rotation (3, 3) on this joint."""
+
+    name: str
+    joint_id: int
+    rotation: Floats
+
+
+def measured_link(robot: ConstrainedModel, name: str) -> MeasuredLink:
+    """The link of a name. Raises `RobotError` if there is none; it names those with similar names."""
+    if name in robot.links:
+        frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
+        return MeasuredLink(name, int(frame.parentJoint), np.array(frame.placement.rotation))
+    close = difflib.get_close_matches(name, robot.links, n=3)
+    listed = f"{', '.join(robot.links[:SHOWN])}{' ...' if len(robot.links) > SHOWN else ''}"
+    hint = f"did you mean {' or '.join(close)}?" if close else f"links are {listed}"
+    raise RobotError(f"{robot.name} has no link {name!r}", column="link", hint=hint)
+
+
 @dataclass(frozen=True)
 class MovingLink:
     """The child link of an actuated joint, with everything fixed to it. It reaches from that joint's frame to its tip.
@@ -150,6 +172,8 @@ class Chain(ConstrainedModel):
         In the order of the URDF's ``<rod>`` elements; empty for a robot without rods.
     measured_joints : tuple of MeasuredJoint
         Passive joints whose coordinates are computed with each pose; none by default: see :meth:`measuring`.
+    measured_links : tuple of MeasuredLink
+        Links whose rotations are computed with each pose; none by default.
     assembly : Assembly
         The assembly at home: see :func:`~gtpin.robot.assembly.assemble`.
     """
@@ -158,6 +182,7 @@ class Chain(ConstrainedModel):
         super().__init__(description, tcp)
         self.rods: tuple[Rod, ...] = rods(self)
         self.measured_joints: tuple[MeasuredJoint, ...] = ()
+        self.measured_links: tuple[MeasuredLink, ...] = ()
         self.assembly: Assembly = assemble(self)
         self.memo: dict[str, Any] = {}
         """What the kinematics keep of this robot: see :func:`~gtpin.kinematics.kinematics.nominal`."""
@@ -263,35 +288,44 @@ class Chain(ConstrainedModel):
 
     @property
     def motion_size(self) -> int:
-        """Number of components of a motion: six of the TCP, then one of each measured joint."""
-        return 6 + len(self.measured_joints)
+        """Number of components of a motion: six of the TCP, three of each measured link, then one of each measured joint."""
+        return 6 + 3 * len(self.measured_links) + len(self.measured_joints)
 
-    def measuring(self, joints: Iterable[str]) -> Self:
+    def measuring(self, joints: Iterable[str], links: Iterable[str] = ()) -> Self:
         """A copy of the robot with some measured joints: passive joints whose coordinates are computed with each pose.
 
         Parameters
         ----------
         joints
             Names of these joints in the URDF; a name given twice counts once. They replace the present measured joints.
+        links
+            Names of links whose rotations are computed with each pose, likewise.
 
         Raises
         ------
         RobotError
-            For a joint that is driven, fixed, follows another, has several coordinates, or does not exist.
+            For a joint that is driven, fixed, follows another, has several coordinates, or does not exist; for a link that does
+            not exist.
         """
-        names = tuple(dict.fromkeys(joints))
-        if names == tuple(joint.name for joint in self.measured_joints):
+        names = tuple(dict.fromkeys(joints)), tuple(dict.fromkeys(links))
+        if names == self._measured:
             return self
         other = copy.copy(self)
         other.memo = {}
-        other.measured_joints = tuple(measured_joint(self, name) for name in names)
+        other.__setstate__(names)
         return other
 
-    def __reduce__(self) -> tuple[type[Chain], tuple[RobotDescription, str], tuple[str, ...]]:
-        return type(self), (self.description, self.tcp_frame), tuple(joint.name for joint in self.measured_joints)
+    @property
+    def _measured(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Names of the measured joints, and of the measured links."""
+        return tuple(joint.name for joint in self.measured_joints), tuple(link.name for link in self.measured_links)
 
-    def __setstate__(self, joints: tuple[str, ...]) -> None:
-        self.measured_joints = tuple(measured_joint(self, name) for name in joints)
+    def __reduce__(self) -> tuple[type[Chain], tuple[RobotDescription, str], tuple[tuple[str, ...], tuple[str, ...]]]:
+        return type(self), (self.description, self.tcp_frame), self._measured
+
+    def __setstate__(self, names: tuple[tuple[str, ...], tuple[str, ...]]) -> None:
+        self.measured_joints = tuple(measured_joint(self, name) for name in names[0])
+        self.measured_links = tuple(measured_link(self, name) for name in names[1])
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}, {self.n_actuators} actuators, {len(self.constraints)} loops)"

@@ -34,7 +34,7 @@ def test_sessions_between_which_a_free_frame_moved_are_named_with_how_far(robot,
     told = re.search(r"by ([0-9.e+]+) mm in session later", text)
     assert told is not None
     assert float(told[1]) == pytest.approx(1e3 * move, rel=0.2)
-    assert "make a dataset of each session, or register the sessions" in text
+    assert 'set stations = "session" under [instrument]' in text
 
 
 @pytest.mark.slow

@@ -41,7 +41,8 @@ def _robot() -> gtpin.Robot:
 
 def _poses(rng: np.random.Generator) -> Poses:
     T, R = rng.normal(0.0, 0.5, (COUNT, 3)), exp(rng.normal(0.0, 0.7, (COUNT, 3)))
-    return Poses(T, R, {joint: rng.normal(0.0, 0.5, COUNT) for joint in ("slider_joint", "coupler_joint")})
+    joints = {joint: rng.normal(0.0, 0.5, COUNT) for joint in ("slider_joint", "coupler_joint")}
+    return Poses(T, R, joints, links={link: exp(rng.normal(0.0, 0.7, (COUNT, 3))) for link in ("base", "crank")})
 
 
 def _ids(*names: str) -> npt.NDArray[np.object_]:
@@ -90,6 +91,11 @@ def _tables(rng: np.random.Generator) -> dict[str, tuple[dict[str, Any], dict[st
             {"tilt_x": rng.normal(0.0, 0.1, COUNT), "tilt_y": rng.normal(0.0, 0.1, COUNT)},
             {},
         ),
+        "tilt of a link": (
+            {"kind": "tilt", "link": "crank"},
+            {"tilt_x": rng.normal(0.0, 0.1, COUNT), "tilt_y": rng.normal(0.0, 0.1, COUNT)},
+            {},
+        ),
         "encoder, turning": (
             {"kind": "encoder", "joint": "coupler_joint"},
             {"reading": rng.normal(0.0, 0.5, COUNT) + 2.0 * np.pi * rng.integers(-1, 2, COUNT)},
@@ -103,6 +109,16 @@ def _tables(rng: np.random.Generator) -> dict[str, tuple[dict[str, Any], dict[st
         "tracker, targets": ({"kind": "tracker", "frame": "free"} | targets, position, of_target),
         "tracker, all free": ({"kind": "tracker", "frame": "free", "target": "free"}, turned, {}),
         "tracker, orientations": ({"kind": "tracker", "target_sigma": 1e-3}, turned, {}),
+        "tracker, stations": (
+            {"kind": "tracker", "stations": "session"} | targets,
+            position,
+            of_target | {"session": _ids("S2", "S1", "S2", "S3")},
+        ),
+        "tracker, stations, free target": (
+            {"kind": "tracker", "stations": "session", "target": "free"},
+            turned,
+            {"session": _ids("S2", "S1", "S2", "S3")},
+        ),
     }
 
 
@@ -121,7 +137,7 @@ NAMES = tuple(_tables(np.random.default_rng(0)))
 
 
 def test_poses_near_those_that_were_read_leave_no_orientation() -> None:
-    for name in ("tracker, all free", "tracker, orientations"):
+    for name in ("tracker, all free", "tracker, orientations", "tracker, stations, free target"):
         one, poses, u = instrument(name)
         assert isinstance(one, Tracker)
         assert np.abs(one.residual_at(_near(one, poses, u), u)[:, 3:]).max() < 1e-12
@@ -134,24 +150,29 @@ def moved(by: str, poses: Poses, u: Floats, i: int, size: float) -> tuple[Poses,
     if by == "by_joints":
         joint = list(poses.joints)[i]
         return replace(poses, joints={**poses.joints, joint: poses.joints[joint] + size}), u
+    if by == "by_links":
+        link, turn = list(poses.links)[i // 3], exp(size * np.eye(3)[i % 3])
+        return replace(poses, links={**poses.links, link: turn @ poses.links[link]}), u
     step = size * np.eye(6)[i]
     return replace(poses, T=poses.T + step[:3], R=exp(step[3:]) @ poses.R), u
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("by", ["by_pose", "by_joints", "by_unknown"])
+@pytest.mark.parametrize("by", ["by_pose", "by_links", "by_joints", "by_unknown"])
 def test_derivatives_are_those_of_the_prediction(name: str, by: str) -> None:
     one, poses, u = instrument(name)
     if isinstance(one, Tracker) and one.turned:
         poses = _near(one, poses, u)
     assert len(u)
     found = getattr(one, by)(poses, u)
-    expected = np.empty((COUNT, len(one.components), {"by_pose": 6, "by_joints": len(poses.joints)}.get(by, len(u))))
+    sizes = {"by_pose": 6, "by_links": 3 * len(poses.links), "by_joints": len(poses.joints)}
+    expected = np.empty((COUNT, len(one.components), sizes.get(by, len(u))))
     for i in range(expected.shape[2]):
         both = [one.residual_at(*moved(by, poses, u, i, s * STEP)) for s in (-1.0, 1.0)]
         expected[:, :, i] = (both[0] - both[1]) / (2.0 * STEP)
     assert np.abs(found - expected).max() < 2e-8
     assert by != "by_joints" or expected.any() == isinstance(one, Encoder)
+    assert by != "by_links" or expected.any() == (name == "tilt of a link")
 
 
 def _near(one: Tracker, poses: Poses, u: Floats) -> Poses:
@@ -161,7 +182,8 @@ def _near(one: Tracker, poses: Poses, u: Floats) -> Poses:
     still = Poses(poses.T, np.broadcast_to(np.eye(3), (COUNT, 3, 3)))
     free = one.table.frame == "free"
     both = one.orientations(still, u)
-    mount = one.orientations(still, np.concatenate([u[:-6], np.zeros(6)])) if free else both
+    frames = 6 * len({*one.read.known.get("session", ("",))}) if free else 0
+    mount = one.orientations(still, np.concatenate([u[:-frames], np.zeros(frames)])) if free else both
     frame = both @ np.swapaxes(mount, 1, 2)
     return replace(poses, R=np.swapaxes(frame, 1, 2) @ read @ np.swapaxes(mount, 1, 2))
 
@@ -183,7 +205,7 @@ def test_what_a_part_of_the_rows_gives_is_that_part_of_what_all_give(name: str, 
     assert part.start(there).shape == u.shape
     for of in ("measured", "read_components", "counted"):
         assert getattr(part, of)().shape == (len(mine), len(whole.components)), of
-    for of in ("predicted", "residual_at", "by_pose", "by_joints", "by_unknown", "looked_at"):
+    for of in ("predicted", "residual_at", "by_pose", "by_links", "by_joints", "by_unknown", "looked_at"):
         np.testing.assert_allclose(getattr(part, of)(there, u), getattr(whole, of)(poses, u)[mine], atol=1e-12)
     sigmas = whole.row_sigmas()
     assert sigmas is None or part.row_sigmas().shape == (len(mine), sigmas.shape[1])

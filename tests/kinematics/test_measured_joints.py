@@ -1,4 +1,5 @@
-"""Coordinates of joints that follow, in loops and where rods hang on a platform: they close, and have derivatives."""
+"""Coordinates of joints that follow, in loops and where rods hang on a platform: they close, and have derivatives; so have
+the rotations of all links."""
 
 import pickle
 from collections.abc import Callable
@@ -19,6 +20,7 @@ from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import RobotError
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.posture import ClosedPosture
+from gtpin.kinematics.rotations import log
 from gtpin.robot.chain import measured_joint, readable
 
 Floats = np.ndarray
@@ -74,13 +76,14 @@ RODS = ("gantry_tau", "gantry_tau_6dof", "linear_delta", "stewart")
 
 @pytest.fixture(params=(*ROBOTS, *RODS), scope="module")
 def robot(request: pytest.FixtureRequest) -> gtpin.Robot:
-    """With all joints measured that can be: two of each rod."""
+    """With all joints measured that can be, two of each rod, and all links."""
     if request.param in RODS:
         plain = gtpin.load_robot(request.param)
         assert len(readable(plain)) == 12
-        return plain.measuring(readable(plain))
+        return plain.measuring(readable(plain), plain.links)
     made, joints = ROBOTS[request.param]
-    return made().measuring(joints)
+    plain = made()
+    return plain.measuring(joints, plain.links)
 
 
 looped, of_rods = (pytest.mark.parametrize("robot", names, indirect=True) for names in (tuple(ROBOTS), RODS))
@@ -98,8 +101,9 @@ def coordinates(poses: gtpin.Poses) -> Floats:
 
 
 def motion(one: gtpin.Poses, other: gtpin.Poses) -> Floats:
-    """(N, 6 + k) by what poses and coordinates differ."""
-    return np.hstack([one.minus(other), coordinates(one) - coordinates(other)])
+    """(N, 6 + 3 l + k) by what poses, rotations of links and coordinates differ."""
+    links = [log(R @ np.swapaxes(other.links[name], 1, 2)) for name, R in one.links.items()]
+    return np.hstack([one.minus(other), *links, coordinates(one) - coordinates(other)])
 
 
 def test_the_joints_that_can_be_read_are_those_that_the_loops_move() -> None:
@@ -139,7 +143,7 @@ def test_derivatives_are_those_of_poses_and_coordinates(robot: gtpin.Robot) -> N
     here = Kinematics(moved)
     found, plain = here.geometry_jacobian(q, here.forward(q)), Kinematics(gtpin.Geometry.nominal(robot)).forward(q)
     assert plain.reached.all()
-    assert found.shape[1] == robot.motion_size == 6 + len(robot.measured_joints)
+    assert found.shape[1] == robot.motion_size == 6 + 3 * len(robot.links) + len(robot.measured_joints)
 
     def at(h: Floats) -> gtpin.Poses:
         return Kinematics(moved.with_values(moved.values + h)).forward(q)
@@ -191,8 +195,8 @@ def test_displacements_by_effects_are_those_of_the_exact_solution(robot: gtpin.R
 def test_a_robot_measures_the_same_after_it_was_sent_elsewhere_and_moved(robot: gtpin.Robot) -> None:
     again = pickle.loads(pickle.dumps(robot))
     assert again.measured_joints == robot.measured_joints
-    assert robot.measuring(joint.name for joint in robot.measured_joints) is robot
-    assert robot.measuring([]).measured_joints == ()
+    assert robot.measuring((joint.name for joint in robot.measured_joints), robot.links) is robot
+    assert robot.measuring([]).measured_joints == robot.measuring([]).measured_links == ()
     q = commands(robot)
     np.testing.assert_array_equal(
         coordinates(Kinematics(drawn(again, 2)).forward(q)), coordinates(Kinematics(drawn(robot, 2)).forward(q))
@@ -230,6 +234,8 @@ def test_coordinates_are_pinocchio_s_of_the_machine_s_own_urdf(robot: gtpin.Robo
         for name, x in found.joints.items():
             there = measured_joint(posture.robot, name).coordinates(posture.configuration[None])
             assert turned(x[[i]], there) < 1e-9, name
+        for name, R in found.links.items():
+            assert np.abs(R[i] - posture.robot.forward(q[i], name).R).max() < 1e-9, name
 
 
 @of_rods

@@ -288,8 +288,7 @@ def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
     rows = readings.rows
     for i, table in enumerate(rows.tables):
         mine = rows.rows_of(i)
-        for column in table.ids:
-            names = rows.known[i].get(column, ())
+        for column, names in rows.known[i].items():
             for name in names if len(names) > 1 else ():
                 own = mine[rows.columns[column][mine] == name]
                 count, lost = (len(np.unique(rows.line[some])) for some in (own, own[~used[own]]))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from gtpin.calibration.checks import limits
-from gtpin.calibration.checks.instruments import check_distances, check_sockets
+from gtpin.calibration.checks.instruments import check_distances, check_sockets, check_stations
 from gtpin.calibration.checks.mixed_units import check_mixed_units
 from gtpin.calibration.checks.moved import check_sessions
 from gtpin.calibration.checks.recognise import recognised
@@ -51,6 +51,7 @@ def usable_rows(given: Dataset, nominal: Model, *, tracked: bool) -> tuple[Datas
             poses[plausible],
         )
     check_sockets(given, robot)
+    check_stations(given)
     whole = single(given, robot)
     check_commands(given, robot)
     poses, usable = nominal.kinematics.forward(whole.q), sane_rows(whole)

@@ -146,7 +146,8 @@ def ways(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[Oth
         for unit, factor in (("degrees", np.pi / 180.0), ("mm/m", 1e-3)):
             hint = f"multiply by {factor:.6g}"
             yield Otherwise(f"tilts look like {unit}", hint, _scaled(["tilt_x", "tilt_y"], factor))
-        hint = "tilt_x and tilt_y are along the TCP frame's x and y, positive where these point up"
+        whose = f"the frame of {table.link}" if table.link else "the TCP frame"
+        hint = f"tilt_x and tilt_y are along x and y of {whose}, positive where these point up"
         for looks, (x, y), (sign_x, sign_y) in TILTS:
             yield Otherwise(looks, hint, {"tilt_x": (x, sign_x), "tilt_y": (y, sign_y)})
     if isinstance(table, EncoderTable):
@@ -346,6 +347,24 @@ def check_sockets(dataset: Dataset, robot: Chain) -> None:
             raise DatasetError("every socket is visited once", file=rows.files[i], column="socket", hint=hint)
         if once:
             warn(f"{rows.files[i]}: visited once, so that they say nothing: sockets {', '.join(once)}")
+
+
+def check_stations(dataset: Dataset) -> None:
+    """Refuse a session with fewer poses than its frame needs to be determined: three positions, or two with orientations.
+
+    Raises `DatasetError` with its first row.
+    """
+    rows = dataset.readings
+    for i in np.flatnonzero(rows.stations):
+        least = 3 if "qw" in rows.lacking[i] or "qw" not in rows.columns else 2
+        for name in rows.known[i]["session"]:
+            mine = np.flatnonzero((rows.of == i) & (rows.columns["session"] == name))
+            count = len(np.unique(dataset.q[mine], axis=0))
+            if count < least:
+                file, line = rows.place(int(mine[0]))
+                what = f"session {name} has {count} different pose{'s' if count > 1 else ''}: a frame of its own takes {least}"
+                hint = "measure more poses there, or leave these rows out"
+                raise DatasetError(what, file=file, row=line, column="session", hint=hint)
 
 
 def check_distances(dataset: Dataset, robot: Chain, poses: Poses, reach: float) -> None:

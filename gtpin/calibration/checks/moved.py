@@ -327,7 +327,8 @@ def _suspect(dataset: Dataset, moved: dict[str, float], least: float) -> None:
         f"the instrument moved between sessions: from where it stood in session {first} by {moves}{more}",
         file=dataset.file,
         column="session",
-        hint="make a dataset of each session, or register the sessions to common marks and give all poses in one frame",
+        hint='set stations = "session" under [instrument]: the frame of each session is found too; or register the sessions to '
+        "common marks and give all poses in one frame",
     )
     refuse(error, dataset)
 

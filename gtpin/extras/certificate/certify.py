@@ -135,6 +135,13 @@ def _certify(
 
 
 def _check(dataset: Dataset, model: Model | None, instrument: float | None) -> None:
+    if any(dataset.readings.stations):
+        raise DatasetError(
+            "each session has a free frame (stations), which takes up part of the machine's error: it can't be certified",
+            file=dataset.toml,
+            column="instrument.stations",
+            hint="register the sessions to common marks, and give all poses in one frame",
+        )
     dataset.refuse_readings(
         "a certificate takes the positions of one tracker, and other instruments' readings are none",
         "measure poses with a tracker (gtpin-dataset/1), and give the model of these readings with --model",

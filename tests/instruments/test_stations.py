@@ -1,0 +1,270 @@
+"""A tracker with a free frame for each session: what is found of frames, geometry and target; what is refused; what is said."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.stats import chi2
+from virtual_stations import AXES, SIGMA, Stations, measured
+
+import gtpin
+from gtpin.calibration.result import Calibration
+from gtpin.cli import main
+from gtpin.data import InstrumentSection
+from gtpin.errors import DatasetError
+
+Floats = np.ndarray
+PLACEMENTS = [f"placement[J{j}].{axis}" for j in range(1, 7) for axis in AXES] + [f"platform.{axis}" for axis in AXES]
+MACHINES = 12
+CHANCE = 1e-4
+"""Chance of each end of the tests of chi-square."""
+
+
+def calibrated(folder: Path) -> Calibration:
+    return gtpin.calibrate(gtpin.Dataset.read(folder))
+
+
+def off_frames(found: Calibration, truth: Stations, name: str = "tracker") -> Floats:
+    """(6 K,) true less found frames, in the coordinates of the unknowns: shift, m, and change of the rotation vector, rad."""
+    parts = []
+    for session, frame in truth.frames.items():
+        value = np.array([found.unknown(f"{name}.frame[{session}].{axis}").value for axis in AXES])
+        R = pin.exp3(value[3:])
+        turn = pin.Jlog3(R) @ pin.log3(R.T @ frame.rotation)
+        parts += [frame.translation - value[:3], turn]
+    return np.concatenate(parts)
+
+
+def covariance_of(found: Calibration, names: list[str]) -> Floats:
+    at = [[unknown.name for unknown in found.unknowns].index(name) for name in names]
+    return found.u_covariance[np.ix_(at, at)]
+
+
+def assert_chi2(power: float, count: int) -> None:
+    assert chi2.ppf(CHANCE, count) < power < chi2.isf(CHANCE, count)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("orientations", "rows"), [(False, 30), (True, 12)])
+def test_frames_and_geometry_are_within_their_sigmas_of_the_truth(
+    tmp_path: Path, orientations: bool, rows: int
+) -> None:
+    frames, geometry, deviation = 0.0, 0.0, []
+    for seed in range(MACHINES):
+        truth = measured(tmp_path, 10 + seed, rows=rows, orientations=orientations)
+        found = calibrated(truth.write(tmp_path / "set"))
+        off = off_frames(found, truth)
+        names = [f"tracker.frame[{session}].{axis}" for session in truth.frames for axis in AXES]
+        frames += off @ np.linalg.solve(covariance_of(found, names), off)
+        at = [found.names.index(name) for name in PLACEMENTS]
+        moved = truth.errors.ravel() - found.model.geometry.deviation[at]
+        geometry += moved @ np.linalg.solve(found.covariance[np.ix_(at, at)], moved)
+        deviation.append(moved / np.sqrt(np.diag(found.covariance)[at]))
+    assert_chi2(frames, MACHINES * 6 * 3)
+    assert_chi2(geometry, MACHINES * len(PLACEMENTS))
+    # Of each parameter, the mean over the machines of a normal number.
+    assert np.abs(np.mean(deviation, axis=0)).max() < 4.5 / np.sqrt(MACHINES)
+
+
+def test_the_result_is_that_of_one_instrument_for_each_station(tmp_path: Path) -> None:
+    truth = measured(tmp_path, 1)
+    one, each = calibrated(truth.write(tmp_path / "one")), calibrated(truth.write_one_each(tmp_path / "each"))
+    assert one.dof == pytest.approx(each.dof, abs=1e-6)
+    assert one.chi2 == pytest.approx(each.chi2, rel=1e-6)
+    for name in one.names:
+        assert abs(one[name].value - each[name].value) < 1e-4 * one[name].sigma
+        assert one[name].sigma == pytest.approx(each[name].sigma, rel=1e-6)
+    for session in truth.frames:
+        for axis in AXES:
+            a, b = one.unknown(f"tracker.frame[{session}].{axis}"), each.unknown(f"of_{session}.frame.{axis}")
+            assert abs(a.value - b.value) < 1e-4 * a.sigma
+            assert a.sigma == pytest.approx(b.sigma, rel=1e-6)
+
+
+@pytest.mark.parametrize("orientations", [False, True])
+def test_one_target_is_found_for_all_stations(tmp_path: Path, orientations: bool) -> None:
+    """With few poses from each station, of which none would find it by itself."""
+    truth = measured(tmp_path, 2, stations=6, rows=8, target=True, orientations=orientations)
+    found = calibrated(truth.write(tmp_path / "set", target="free"))
+    assert found.chi2 / found.dof < 1.6
+    names = [f"tracker.target.{axis}" for axis in AXES[: 6 if orientations else 3]]
+    assert [unknown.name for unknown in found.unknowns if ".target" in unknown.name] == names
+    for name, at in zip(names[:3], (pin.exp6(truth.errors[6]) * truth.target).translation, strict=True):
+        # The tool's own place has its tolerance, which the target's takes up.
+        assert abs(found.unknown(name).value - at) < 4.0 * np.hypot(found.unknown(name).sigma, 5e-4)
+    off = off_frames(found, truth)
+    frames = [f"tracker.frame[{session}].{axis}" for session in truth.frames for axis in AXES]
+    assert off @ np.linalg.solve(covariance_of(found, frames), off) < chi2.isf(CHANCE, len(off))
+
+
+def test_both_schemas_and_python_say_the_same(tmp_path: Path) -> None:
+    truth = measured(tmp_path, 3, orientations=True)
+    first, second = (
+        gtpin.Dataset.read(truth.write(tmp_path / "1")),
+        gtpin.Dataset.read(truth.write_second(tmp_path / "2")),
+    )
+    said = InstrumentSection(position_sigma=SIGMA, orientation_sigma=1e-4, stations="session")
+    own = {"session": np.array(truth.session, dtype=object)}
+    names = [f"p{i}" for i in range(len(truth.q))]
+    python = gtpin.Dataset(str(truth.urdf), names, truth.q, truth.T, truth.wxyz, covariates=own, instrument=said)
+    first.write(tmp_path / "again")
+    values = [gtpin.calibrate(d) for d in (first, second, python, gtpin.Dataset.read(tmp_path / "again"))]
+    for other in values[1:]:
+        np.testing.assert_allclose(other.u, values[0].u, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(other.model.geometry.values, values[0].model.geometry.values, rtol=0, atol=1e-12)
+    assert [u.name for u in values[1].unknowns] == [u.name.replace("tracker", "laser") for u in values[0].unknowns]
+
+
+@pytest.mark.slow
+def test_the_order_of_rows_and_the_names_of_sessions_change_nothing_else(tmp_path: Path) -> None:
+    truth = measured(tmp_path, 4, stations=4, rows=15, target=True)
+    plain = gtpin.Dataset.read(truth.write(tmp_path / "set", target="free"))
+    whole = gtpin.calibrate(plain)
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        order = rng.permutation(len(plain))
+        new = dict(zip(truth.frames, rng.permutation(["Z", "10", "a b", "S1"]), strict=True))
+        sessions = np.array([new[name] for name in plain.covariates["session"]], dtype=object)
+        found = gtpin.calibrate(replace(plain, covariates={"session": sessions}).take(order))
+        assert abs(found.chi2 - whole.chi2) < 1e-6 * whole.chi2
+        for name in whole.names:
+            assert abs(found[name].value - whole[name].value) < 1e-3 * whole[name].sigma
+        for session, other in new.items():
+            for axis in AXES:
+                a, b = (
+                    whole.unknown(f"tracker.frame[{session}].{axis}"),
+                    found.unknown(f"tracker.frame[{other}].{axis}"),
+                )
+                assert abs(a.value - b.value) < 1e-3 * a.sigma
+
+
+def test_a_station_with_two_poses_more_tells_no_less(tmp_path: Path) -> None:
+    """Its three positions take six numbers for their frame, and leave three."""
+    truth = measured(tmp_path, 5, stations=4, rows=25)
+    few = replace(truth, session=["S4" if s == "S4" else "S1" for s in truth.session])
+    kept = [i for i, s in enumerate(truth.session) if s in ("S1", "S2", "S3")] + [75, 76, 77]
+    part = replace(few, session=[truth.session[i] for i in kept], q=truth.q[kept], T=truth.T[kept])
+    without = replace(part, session=part.session[:-3], q=part.q[:-3], T=part.T[:-3])
+    more, less = calibrated(part.write(tmp_path / "more")), calibrated(without.write(tmp_path / "less"))
+    assert more.dof - less.dof == pytest.approx(3.0, abs=0.2)
+    assert all(more[name].sigma <= less[name].sigma * (1.0 + 1e-6) for name in more.names) or more.sigma_scale > 1.0
+
+
+REFUSED: dict[str, tuple[Callable[[Stations], Stations], dict[str, object], str, str]] = {
+    "no session": (lambda t: t, {}, 'stations = "session" without sessions', "session"),
+    "one pose": (lambda t: replace(t, session=["X", *t.session[1:]]), {}, "session X has 1 different pose", "session"),
+    "two positions": (
+        lambda t: replace(t, session=["X", "X", *t.session[2:]]),
+        {},
+        "session X has 2 different poses",
+        "session",
+    ),
+    "a visit again": (
+        lambda t: replace(t, session=["X"] * 4 + t.session[4:], q=np.vstack([t.q[[0]] * np.ones((4, 1)), t.q[4:]])),
+        {},
+        "session X has 1 different pose",
+        "session",
+    ),
+    "wrong value": (lambda t: t, {"stations": "day"}, "'day' can't be", "instrument.stations"),
+    "in the base frame": (lambda t: t, {"frame": "robot"}, "stations have free frames", "instrument.frame"),
+    "a station": (lambda t: t, {"station": [1.0, 2.0, 0.5]}, "station together with stations", "instrument.station"),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_what_has_no_frames_is_refused_with_the_place(tmp_path: Path, what: str) -> None:
+    change, said, message, column = REFUSED[what]
+    truth = change(measured(tmp_path, 6, rows=10))
+    folder = truth.write(tmp_path / "set", **said)
+    if what == "no session":
+        table = folder / "poses.csv"
+        table.write_text("\n".join(line.rpartition(",")[0] for line in table.read_text().splitlines()))
+    with pytest.raises(DatasetError, match=re.escape(message)) as caught:
+        gtpin.calibrate(gtpin.Dataset.read(folder))
+    assert caught.value.column == column
+    assert caught.value.hint
+
+
+def test_a_free_frame_is_what_stations_have_anyway(tmp_path: Path) -> None:
+    truth = measured(tmp_path, 6, rows=10)
+    one, other = (gtpin.Dataset.read(truth.write(tmp_path / str(name), frame=name)) for name in ("free", None))
+    assert one.readings.tables == other.readings.tables
+
+
+@pytest.mark.slow
+def test_millimetres_are_named(tmp_path: Path) -> None:
+    truth = measured(tmp_path, 7)
+    with pytest.raises(DatasetError, match="x y z look like millimetres") as caught:
+        calibrated(replace(truth, T=1e3 * truth.T).write(tmp_path / "set"))
+    assert "multiply by 0.001" in caught.value.hint
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+def test_effects_that_the_frames_absorb_say_so_and_what_is_left_is_found(tmp_path: Path) -> None:
+    """The first joint's zero turns the whole arm about its base, as a frame does; the third's does not."""
+    truth = measured(tmp_path, 8, stations=4, rows=40)
+    later = np.array(truth.session) == "S3"
+    commands = truth.q - np.outer(later, [1e-3, 0.0, 1e-3, 0.0, 0.0, 0.0])  # what is commanded for what is reached
+    found = gtpin.diagnose(gtpin.Dataset.read(replace(truth, q=commands).write(tmp_path / "set")))
+    assert [(cause.effect, cause.site) for cause in found.causes] == [("zero_shift", "J3")]
+    reasons = {(c.effect, c.site): c.reason.kind for c in found.candidates if c.reason is not None}
+    assert reasons["frame_shift", "frame"] == reasons["zero_shift", "J1"] == "stations"
+    assert ("zero_shift", "J3") not in reasons
+    said = {(c["effect"], c["site"]): c["reason"] for c in found.to_json()["candidates"]}
+    assert said["frame_shift", "frame"] == "the free frame of each session absorbs it (stations in dataset.toml)"
+
+
+def test_each_row_is_predicted_in_the_frame_of_its_session_and_no_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(*words: object) -> int:
+        monkeypatch.setattr(sys, "argv", ["gtpin", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return int(ended.value.code or 0)
+
+    truth = measured(tmp_path, 9, orientations=True)
+    data, model, out = truth.write(tmp_path / "set"), tmp_path / "model", tmp_path / "out.csv"
+    assert run("calibrate", data, "-o", model) == 0
+    commands = tmp_path / "commands.csv"
+    head, *rows = (data / "poses.csv").read_text().splitlines()
+    keep = [0, *range(1, 7), head.split(",").index("session")]
+
+    def asked(*lines: str) -> int:
+        commands.write_text("\n".join(",".join(line.split(",")[i] for i in keep) for line in (head, *lines)))
+        capsys.readouterr()
+        return run("predict", model, commands, "-o", out, "--force")
+
+    assert asked(*rows[::-1]) == 0
+    names, *lines = (line.split(",") for line in out.read_text().splitlines())
+    assert names == ["pose", "session", "x", "y", "z", "qw", "qx", "qy", "qz"]
+    T = np.array([line[2:5] for line in lines], dtype=float)[::-1]
+    assert np.sqrt(((T - truth.T) ** 2).mean()) < 1.2 * SIGMA
+    assert asked(rows[0], rows[1].replace(",S1", ",S9")) == 2
+    error = capsys.readouterr().err
+    assert "commands.csv, row 3, column session" in error
+    assert "no frame is known of a station in session S9" in error
+    assert "S1, S2, S3" in error
+    keep.pop()
+    assert asked(rows[0]) == 2
+    assert "column session: which station?" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+@pytest.mark.parametrize("hold_out", ["region", "session"])
+def test_the_gap_is_the_noise_s_whatever_is_left_out(tmp_path: Path, hold_out: str) -> None:
+    """What is left out of a whole session is without what its frame takes up."""
+    truth = measured(tmp_path, 10, stations=4, rows=40)
+    found = gtpin.diagnose(gtpin.Dataset.read(truth.write(tmp_path / "set")), hold_out=hold_out)
+    (own,) = found.gap.by_instrument
+    assert found.verdict == "none"
+    assert own.before == pytest.approx(np.sqrt(3.0) * SIGMA, rel=0.15)
