@@ -275,7 +275,7 @@ class LeftOutErrors(NamedTuple):
 class Why:
     """What stands for and against one effect at a site.
 
-    Of an untestable effect, only the reason and an experiment are given.
+    Of an untestable effect, only the reason, an experiment, and the probability by a proxy are given.
 
     Parameters
     ----------

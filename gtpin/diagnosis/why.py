@@ -43,7 +43,9 @@ def why_of(
     for untested in hypotheses.untested:
         if untested.hypothesis.place == place:
             shows = next((e for e in planned if place in e.effects), None)
-            return Why(*place, "untestable", reason=untested.reason, experiment=shows)
+            by_proxy = (m.probability for c in found.classes.values() for m in c if m.hypothesis.place == place)
+            share = max(by_proxy, default=0.0)
+            return Why(*place, "untestable", reason=untested.reason, probability=share, experiment=shows)
 
     # Alone.
     own = next(h for h in hypotheses.named if h.place == place)

@@ -84,7 +84,8 @@ def _standing(d: Diagnosis, w: Why) -> str:
     more = f"{_rival(first)} explains {'the same' if w.in_place >= SAME * first.log_evidence else 'more'} ({gains})"
     match w.standing:
         case "untestable":
-            return f"not testable, because {reason_words(w.reason, w.site)}"
+            said = f"not testable, because {reason_words(w.reason, w.site)}"
+            return f"{said}; in the class of a cause ({chance(w.probability)})" if w.probability else said
         case "named":
             said = f"named with a probability of {chance(w.probability)}"
             if w.probability < SURE and first.effect:
