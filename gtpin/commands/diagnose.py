@@ -54,6 +54,12 @@ def diagnose(
         HoldOut, typer.Option(help="What is left out together to compute the gap on poses not fitted.")
     ] = "region",
     tcp: Tcp = None,
+    why: Annotated[
+        str | None,
+        typer.Option(
+            metavar="EFFECT@SITE", help="Say what stands for and against one cause, and which poses would tell."
+        ),
+    ] = None,
     false_alarm: Annotated[
         float, typer.Option(help="Probability of naming a cause if there is none.", min=1e-6, max=0.5)
     ] = FALSE_ALARM,
@@ -84,6 +90,7 @@ def diagnose(
                 hold_out=hold_out,
                 seed=seed,
                 progress=progress,
+                why=why,
             )
         take(found)
         if log is not None:

@@ -126,7 +126,8 @@ def _as_read(data: Dataset) -> Dataset:
         return data
     columns = data.readings.columns
     T, wxyz = (
-        np.column_stack([columns[n] for n in names if n in columns] or [[]]) for names in (POSITION, ORIENTATION)
+        np.column_stack([columns[n] for n in names if n in columns] or [np.zeros(0)])
+        for names in (POSITION, ORIENTATION)
     )
     return replace(data, position=T, orientation=wxyz if wxyz.size else None, readings=POSES)
 

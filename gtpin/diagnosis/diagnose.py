@@ -24,10 +24,10 @@ from gtpin.diagnosis.doubts import (
     judged,
     questions,
 )
-from gtpin.diagnosis.gap import blocks_of, check_hold_out, gaps, lost, unexplained, where, without_certainty
+from gtpin.diagnosis.gap import Place, blocks_of, check_hold_out, gaps, lost, unexplained, where, without_certainty
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.joint_fit import cause, fit_together
-from gtpin.diagnosis.leaders import leaders
+from gtpin.diagnosis.leaders import leaders, left_with
 from gtpin.diagnosis.next_experiment import classes, plan
 from gtpin.diagnosis.noise import (
     MOST_POSES,
@@ -52,6 +52,7 @@ from gtpin.diagnosis.result import (
 from gtpin.diagnosis.search import strongest_first
 from gtpin.diagnosis.trials import Known
 from gtpin.diagnosis.verdict import Conclusion, considered, infer, undecided, without_undecided
+from gtpin.diagnosis.why import why_of
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.driver import InstrumentAxes, driver_effects
 from gtpin.effects.effect import Effect
@@ -89,6 +90,7 @@ def diagnose(
     seed: int = 0,
     trust_data: bool = False,
     progress: Progress | None = None,
+    why: str | None = None,
 ) -> Diagnosis: ...
 
 
@@ -105,6 +107,7 @@ def diagnose(
     seed: int = 0,
     trust_data: bool = False,
     progress: Progress | None = None,
+    why: None = None,
 ) -> HealthCheck: ...
 
 
@@ -123,6 +126,7 @@ def diagnose(
     seed: int = 0,
     trust_data: bool = False,
     progress: Progress | None = None,
+    why: str | None = None,
 ) -> Diagnosis | HealthCheck:
     """Find the causes of the error that remains after geometric calibration; or, with ``against``, of what has changed.
 
@@ -161,6 +165,9 @@ def diagnose(
     progress
         Called at each stage with a message, the number of the iteration, and the RMS residual in units of the noise (NaN where
         there is none); None: no calls.
+    why
+        An effect at a site, ``EFFECT@SITE``: the result's ``why`` has what stands for and against it. Not allowed together
+        with ``against``.
 
     Returns
     -------
@@ -188,6 +195,8 @@ def diagnose(
     probability(false_alarm, "false_alarm")
     if against is not None and robot is not None:
         raise ModelError("a robot and an earlier model of it", hint="give against alone: the model has its robot")
+    if against is not None and why is not None:
+        raise ModelError("a check has no answer to why", hint="ask a diagnosis: leave out the earlier model")
     with noted() as texts:
         trusted = replace(dataset, trusted=True) if trust_data else dataset
         report: Progress = progress or (lambda step, number, value: None)
@@ -196,7 +205,8 @@ def diagnose(
         if against is None:
             nominal = measuring(robot.robot if isinstance(robot, Model) else robot or robot_of(trusted), trusted)
             scope = Scope.of((*known, *driver_effects(trusted, nominal)), exclude, false_alarm, nominal, priors)
-            found = _diagnose(trusted, nominal, known, scope, hold_out, seed, report)
+            place = None if why is None else scope.place(why, nominal)
+            found = _diagnose(trusted, nominal, known, scope, hold_out, seed, report, place)
         else:
             check_same_robot(against.robot, trusted)
             geometry = against.geometry
@@ -214,8 +224,10 @@ def _diagnose(
     hold_out: HoldOut,
     seed: int,
     report: Progress,
+    place: Place | None,
 ) -> Diagnosis:
-    """As :func:`diagnose`, without an earlier model; ``known``: the effects without the dataset's drivers."""
+    """As :func:`diagnose`, without an earlier model; ``known``: the effects without the dataset's drivers; ``place``: that of
+    ``why``."""
     check_hold_out(dataset, hold_out)
     searching = min(len(dataset), MOST_POSES) * (SEARCHED + SEARCHED_A_COVARIATE * len(dataset.covariates))
     require(f"diagnosing {len(dataset):,} poses", FIXED + searching + PER_POSE * len(dataset))
@@ -287,19 +299,28 @@ def _diagnose(
     remaining = unexplained(hypotheses, found.model, found.verdict == "unknown")
     no_cause = {c.place for c in found.classes} | {(q.effect, q.site) for q in asked if not q.believed}
     nearest, best = leaders(hypotheses, found, context.blocks, no_cause, whole) if found.doubts else ((), None)
-    likely = (*found.likely, *((one.effect, one.site) for one in nearest[:1] if best is not None))
-    could_be = tuple(dict.fromkeys((*(place for place in likely if place not in no_cause), *remaining.could_be)))
+    likely = [place for place in found.likely if place not in no_cause]
+    likely += [(one.effect, one.site) for one in nearest[:1]]
+    could_be = left_with(hypotheses, found, context.blocks, (*likely, *remaining.could_be))
 
     # 5. Plan what to measure next.
     report("what to measure next", 0, float("nan"))
+    known_now = Known(settled.observed, prepared.baseline.model, settled.references)
+    by_class = classes(found, causes, hypotheses)
     experiments = plan(
-        Known(settled.observed, prepared.baseline.model, settled.references),
-        classes=classes(found, causes, hypotheses),
+        known_now,
+        classes=by_class,
         untestable=hypotheses.untested,
         unknown=next(((d.site, ",".join(d.over)) for d in found.doubts if d.over), None),
         unseen_noise=any(d.reason == "excess" for d in found.doubts),
         rng=rng,
     )
+    told = None
+    if place is not None:
+        context = replace(context, found=found)
+        told = why_of(place, context, asked, known_now, by_class, experiments, generator(seed))
+        more = [told.experiment] if told.experiment is not None and told.experiment not in experiments else []
+        experiments = (*experiments, *more)
     regions = by_region(searched, max(2, min(REGIONS, int(searched.visits.max()) + 1)))
     aside: Mask = ~np.isin(recorded.row, settled.kept.row)
     return Diagnosis(
@@ -322,6 +343,7 @@ def _diagnose(
         effects=scope.effects,
         doubts=found.doubts,
         dataset=recorded,
+        why=told,
     )
 
 

@@ -27,7 +27,9 @@ from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS, SURE, UNDECIDED, Priors
 from gtpin.diagnosis.result import Cause, Doubt, FlexibleFamily, Gap, Question
 from gtpin.diagnosis.search import HypothesisSet
 from gtpin.diagnosis.verdict import Conclusion, infer, size, weak
+from gtpin.effects.effect import Effect
 from gtpin.errors import warn
+from gtpin.estimate import Estimate
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.noise.estimate import LEAST_CONTRASTS
 from gtpin.typing import Floats, Mask
@@ -309,20 +311,23 @@ def questions(found: Conclusion, causes: Iterable[Cause], priors: Priors) -> lis
     """
     effects, asked = {hypothesis.place: hypothesis.effect for hypothesis in found.classes}, list[Question]()
     for cause in causes:
-        effect = effects[cause.effect, cause.site]
-        for ranges, believed in ((effect.plausible, False), (effect.expected_range, True)):
-            before = len(asked)
-            for name, own in ranges.items():
-                if name not in cause.parameters:
-                    continue
-                e = cause.parameters[name]
-                reach = priors.implausible * e.sigma
-                if not (own.low <= e.value + reach and e.value - reach <= own.high):
-                    place = cause.effect, cause.site, name
-                    asked.append(Question(*place, e.value, e.sigma, e.unit, own.low, own.high, own.why, believed))
-            if len(asked) > before:
-                break
+        asked += out_of_range(effects[cause.effect, cause.site], cause.site, cause.parameters, priors)
     return sorted(asked, key=lambda question: question.believed)
+
+
+def out_of_range(effect: Effect, site: str, parameters: Mapping[str, Estimate], priors: Priors) -> list[Question]:
+    """The parameters of an effect that are outside its plausible range; where there is none, those outside its usual one."""
+    for ranges, believed in ((effect.plausible, False), (effect.expected_range, True)):
+        asked = []
+        for name in (name for name in ranges if name in parameters):
+            own, e = ranges[name], parameters[name]
+            reach = priors.implausible * e.sigma
+            if not (own.low <= e.value + reach and e.value - reach <= own.high):
+                place = effect.id, site, name
+                asked.append(Question(*place, e.value, e.sigma, e.unit, own.low, own.high, own.why, believed))
+        if asked:
+            return asked
+    return []
 
 
 def causes_reach_noise(context: FittedContext) -> Conclusion | None:

@@ -156,6 +156,17 @@ def instrument_gaps(
     return tuple(found)
 
 
+def position_rms(design: Design, left: LeftOut) -> float | None:
+    """Root mean square length of left-out position errors, m, of the first tracker; None where nothing reads positions."""
+    readings = design.measured
+    if not readings.rows.names:
+        return _root((left.errors**2).sum(axis=1))
+    tracker = next((i for i, one in enumerate(readings.instruments) if one.kind == "tracker"), None)
+    if tracker is None:
+        return None
+    return readings.rms(tracker, np.einsum("nij,nj->ni", np.linalg.inv(design.whitening), left.errors))
+
+
 def _turns(design: Design, alone: LeftOut, whole: LeftOut) -> Turns | None:
     if not alone.turned.size:
         return None
@@ -459,7 +470,7 @@ def unexplained(hypotheses: HypothesisSet, model: Posterior[Term], unknown: bool
             correlates[smooth.site, smooth.over] = Correlate(smooth.site, smooth.words, p_value, smooth.motion, odds)
     share = float(np.clip((power - dof) / excess, 0.0, 1.0)) if excess > 1e-9 else 0.0
     best = tuple(correlates.values())
-    could_be = _could_be(hypotheses, model, {one.site for one in best[:1]}) if unknown else ()
+    could_be = dict.fromkeys(_could_be(hypotheses, model, {one.site for one in best[:1]}) if unknown else ())
     return Unexplained(share, float(chi2.sf(power, dof)), best, could_be)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 
 import numpy as np
 
@@ -251,6 +252,23 @@ class Scope:
                 sites = ", ".join(by_id[named].sites(robot))
                 raise ModelError(f"no effect is called {word!r}", hint=f"sites of {named} are {sites}")
         return Scope(known, frozenset(excluded), false_alarm, priors)
+
+    def place(self, word: str, robot: Chain) -> tuple[str, str]:
+        """Effect and site of ``EFFECT@SITE``.
+
+        Raises `ModelError` if there is no such effect or site, or it is excluded; the message names the nearest.
+        """
+        named, _, place = word.partition("@")
+        known = {effect.id: tuple(dict.fromkeys(effect.sites(robot))) for effect in self.effects}
+        site = site_called(place, known.get(named, ()))
+        words = [f"{effect}@{one}" for effect in ([named] if known.get(named) else known) for one in known[effect]]
+        if site not in known.get(named, ()):
+            nearest = ", ".join(get_close_matches(word, words, 3, 0.0))
+            hint = f"the nearest are {nearest}; the candidates in diagnosis.json are all of them"
+            raise ModelError(f"no effect at a site is called {word!r}", hint=hint)
+        if {named, f"{named}@{site}"} & self.exclude:
+            raise ModelError(f"{word} is excluded", hint="do not exclude what is asked for")
+        return named, site
 
     def hypotheses(self, robot: Chain) -> Iterator[Hypothesis]:
         """Every effect at each of its sites, each once, without those that are excluded."""

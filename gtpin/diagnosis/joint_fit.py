@@ -11,7 +11,8 @@ from gtpin.calibration.fit_state import unexplained_by
 from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.problem import Point, Problem
 from gtpin.diagnosis.design import Observed
-from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.evidence import Posterior
+from gtpin.diagnosis.hypothesis import Hypothesis, Term
 from gtpin.diagnosis.result import Cause
 from gtpin.diagnosis.search import HypothesisSet
 from gtpin.diagnosis.verdict import Conclusion
@@ -244,11 +245,19 @@ def _in_its_place(
     if other.place in {term.place for term in terms if isinstance(term, Hypothesis)}:
         return None
     model = hypotheses.of([other if term == named else term for term in terms], found.model.scale)
-    start, sigma = sum(model.widths[: terms.index(named)]), other.basis(hypotheses.design.operating_points).sigma
-    own = slice(start, start + len(sigma))
-    covariance = model.covariance[own, own] * np.outer(sigma, sigma)
+    return fitted_linearly(hypotheses, model, other, references)
+
+
+def fitted_linearly(
+    hypotheses: HypothesisSet, model: Posterior[Term], own: Hypothesis, references: References
+) -> ActiveEffect:
+    """A hypothesis of a model with its coefficients by the linear fit."""
+    start = sum(model.widths[: model.terms.index(own)])
+    sigma = own.basis(hypotheses.design.operating_points).sigma
+    part = slice(start, start + len(sigma))
+    covariance = model.covariance[part, part] * np.outer(sigma, sigma)
     return ActiveEffect(
-        other.effect, other.site, other.shape_parameter, model.mean[own] * sigma, covariance, references, other.further
+        own.effect, own.site, own.shape_parameter, model.mean[part] * sigma, covariance, references, own.further
     )
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
 import numpy as np
 
 from gtpin.diagnosis.evidence import Posterior
-from gtpin.diagnosis.gap import Place, leave_out
+from gtpin.diagnosis.gap import Place, leave_out, position_rms
 from gtpin.diagnosis.hypothesis import Hypothesis, Term
 from gtpin.diagnosis.result import BestKnown, Gap, Leader
 from gtpin.diagnosis.search import HypothesisSet, causes
@@ -25,9 +25,10 @@ def leaders(
 ) -> tuple[tuple[Leader, ...], BestKnown | None]:
     """The mechanisms that gain most beside the named causes, each with the error that it leaves; and the best set of them.
 
-    The error is that of left-out poses, as of the gap: of the geometry with the named causes and the mechanism. The best set is
-    None where it explains less than ``Priors.weak`` of the gap's squares beyond noise. Smooth terms are in neither: what they
-    explain has no name.
+    The first is there even where it gains less than the prior odds against it. Periodic errors and steps are not among them,
+    because several follow any rough error. The error is that of left-out poses, as of the gap: of the geometry with the named
+    causes and the mechanism. The best set is None where it explains less than ``Priors.weak`` of the gap's squares beyond
+    noise. Smooth terms are in neither: what they explain has no name.
 
     ``no_cause``: places of effects that are named, or that physics rules out. ``gap``: that of ``found``.
     """
@@ -37,7 +38,8 @@ def leaders(
 
     free = _mechanisms(hypotheses, no_cause)
     gains = hypotheses.gains(found.model, free)
-    first = sorted((h for h in gains if gains[h].value > hypotheses.cost(h)), key=lambda h: -gains[h].value)[:MOST]
+    every = sorted(gains, key=lambda h: -gains[h].value)
+    first = [h for h in every if gains[h].value > hypotheses.cost(h)][:MOST] or every[:1]
     several = tuple(Leader(*h.place, gains[h].value, left(hypotheses.extended(found.model, h))) for h in first)
     model = best_set(hypotheses, found, blocks, no_cause)
     error = left(model) if model is not found.model else gap.after
@@ -46,6 +48,24 @@ def leaders(
         return several, None
     # Named causes are first in the model.
     return several, BestKnown(tuple(cause.place for cause in causes(model)), error)
+
+
+def left_with(
+    hypotheses: HypothesisSet, found: Conclusion, blocks: list[Mask], places: Iterable[Place]
+) -> dict[Place, float | None]:
+    """Effects at sites, each with the root mean square position error on left-out poses, m, beside the named causes.
+
+    None where no instrument reads positions, and for an effect that these data can't test: it can't be fitted.
+    """
+    by_place = {h.place: h for h in hypotheses.named}
+    wanted = {place: by_place.get(place) for place in places}
+    gains = hypotheses.gains(found.model, [h for h in wanted.values() if h is not None])
+
+    def error(term: Term) -> float | None:
+        columns = hypotheses.columns(hypotheses.extended(found.model, term))
+        return position_rms(hypotheses.design, leave_out(hypotheses.design, columns, blocks))
+
+    return {place: error(gains[h].term) if h in gains else None for place, h in wanted.items()}
 
 
 def _mechanisms(hypotheses: HypothesisSet, no_cause: Collection[Place]) -> list[Hypothesis]:

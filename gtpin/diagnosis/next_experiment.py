@@ -86,9 +86,7 @@ def plan(
     whether residuals exceed the declared noise, and no visits tell whether the excess repeats. ``rng``: the same state gives
     the same plan. ``poses``: number of poses of each experiment.
     """
-    count = len(known.observed.weight)
-    if count > MOST_MEASURED:
-        known = replace(known, observed=known.observed.take(rng.choice(count, MOST_MEASURED, replace=False)))
+    known = fewer(known, rng)
     open_ = [i for i, s in enumerate(classes) if len(s.members) > 1 or s.members[0][1] < SURE][:MOST_CLASSES]
     found = [discriminate(known, classes, i, poses, rng) for i in open_]
     if unknown is not None:
@@ -98,6 +96,14 @@ def plan(
         visits = Visits("", "", "again", stations=len(stations))
         found.append(Experiment("map_unknown", known.robot, (), np.tile(stations, (2, 1)), visits=visits))
     return (*found, *make_testable(known, classes, untestable, poses, rng))
+
+
+def fewer(known: Known, rng: np.random.Generator) -> Known:
+    """What is known, with a random part of the measured rows where they are more than ``MOST_MEASURED``."""
+    count = len(known.observed.weight)
+    if count <= MOST_MEASURED:
+        return known
+    return replace(known, observed=known.observed.take(rng.choice(count, MOST_MEASURED, replace=False)))
 
 
 def map_unknown(known: Known, site: str, coordinates: str, poses: int) -> Experiment:

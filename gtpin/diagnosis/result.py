@@ -191,18 +191,135 @@ class Unexplained:
     the largest gain in log evidence first, one of each site over the same coordinates; five at most. ``could_be``: effect and
     site of effects that could be the unknown: likely causes that these data do not tell from it, then the first leader, then
     untestable effects whose proxies explain the residuals about as well as the best smooth term, then those at its site that
-    have no proxy. ``descriptions``: flexible families that explain a part of them and are no causes. ``leaders``: where
-    something unknown is assumed, the mechanisms of the catalogue by evidence, five at most. ``best_known``: the best set of
-    mechanisms; None where no set explains a tenth of the gap's squares.
+    have no proxy; each with the root mean square position error on left-out poses, m, beside the named causes: None where no
+    instrument reads positions, and for untestable effects, which can't be fitted. ``descriptions``: flexible families that
+    explain a part of them and are no causes. ``leaders``: where something unknown is assumed, the mechanisms of the catalogue
+    by evidence, five at most. ``best_known``: the best set of mechanisms; None where no set explains a tenth of the gap's
+    squares.
     """
 
     share: float
     p_value: float
     correlates: tuple[Correlate, ...]
-    could_be: tuple[tuple[str, str], ...] = ()
+    could_be: Mapping[tuple[str, str], float | None] = field(default_factory=dict, hash=False)
     descriptions: tuple[FlexibleFamily, ...] = ()
     leaders: tuple[Leader, ...] = ()
     best_known: BestKnown | None = None
+
+
+Standing = Literal[
+    "named",
+    "also",
+    "untestable",
+    "impossible",
+    "description",
+    "weak",
+    "class",
+    "taken",
+    "beside",
+    "chance",
+    "smooth",
+    "left_out",
+    "part",
+    "rival",
+]
+"""Where an effect at a site stands in a diagnosis; the first that applies:
+
+``named``, ``also``
+    It is a cause, or stands apart as weak and undecided.
+``untestable``, ``impossible``, ``description``
+    These data can't test it; a parameter would be impossible; it is a flexible family, which is no cause.
+``weak``
+    Alone, it gains less than the prior odds against it.
+``class``
+    Another member of its class is the cause.
+``taken``, ``beside``
+    Beside the named causes it gains too little: one of them takes its place, or it is no more than what they leave.
+``chance``, ``smooth``
+    Its periods are not significant against the scatter of the drive; smooth terms take its place.
+``left_out``
+    The errors on left-out poses are no smaller with it.
+``part``, ``rival``
+    It could be a part of something unknown; another hypothesis is more probable.
+"""
+
+
+class Rival(NamedTuple):
+    """What could be in the place of an effect: an effect at a site, or a smooth term over coordinates.
+
+    ``effect``: empty for a smooth term. ``over``: coordinates of a smooth term. ``log_evidence``: its gain there, nats.
+    ``probability``: in that place.
+    """
+
+    effect: str
+    site: str
+    over: tuple[str, ...]
+    log_evidence: float
+    probability: float
+
+
+class LeftOutErrors(NamedTuple):
+    """Root mean square errors on left-out poses: positions, m, or all readings in units of their noise (``unit`` empty).
+
+    Of the geometry; of the geometry with the effect alone; with the other named causes without it; and with it.
+    """
+
+    unit: str
+    geometry: float
+    alone: float
+    without: float
+    with_it: float
+
+
+@dataclass(frozen=True)
+class Why:
+    """What stands for and against one effect at a site.
+
+    Of an untestable effect, only the reason, an experiment, and the probability by a proxy are given.
+
+    Parameters
+    ----------
+    effect, site, standing
+        The effect, and where it stands.
+    reason
+        Why it can't be tested.
+    probability
+        In its class; of what is in no class, in the place of the named cause that takes its place.
+    log_evidence, odds
+        Its gain in log evidence alone over the geometry, and the log prior odds against it, nats.
+    beside, needed
+        Its gain beside the other named causes, and what it must be there: prior odds, and a share of stronger evidence.
+    smooth, beside_smooth
+        Sites and coordinates of the smooth terms of the diagnosis, else those of the best one; its gain beside these too.
+    in_place
+        Its gain in the place of the first rival; without named causes, beside nothing.
+    rivals
+        What could be in its place: first the named cause, then others by probability, then the best smooth term.
+    parameters, questions
+        Its parameters if it were alone, by a linear fit, and those that are not plausible, or unusual.
+    left_out
+        Errors on left-out poses.
+    experiment
+        Poses that tell it from the first rival, both taken for equally probable, or make it testable.
+    """
+
+    effect: str
+    site: str
+    standing: Standing
+    reason: Untestable | None = None
+    probability: float = 0.0
+    log_evidence: float = 0.0
+    odds: float = 0.0
+    beside: float = 0.0
+    needed: float = 0.0
+    smooth: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    beside_smooth: float = 0.0
+    in_place: float = 0.0
+    rivals: tuple[Rival, ...] = ()
+    parameters: Mapping[str, Estimate] = field(default_factory=dict, hash=False)
+    questions: tuple[Question, ...] = ()
+    left_out: LeftOutErrors | None = None
+    experiment: Experiment | None = None
 
 
 Reason = Literal[
@@ -555,6 +672,8 @@ class Diagnosis(Findings, Shown):
         What is weak and undecided beside the causes, and does not change the verdict.
     doubts
         Reasons for which something unknown is assumed. Each makes the verdict ``unknown``.
+    why
+        What stands for and against the effect that ``why`` asked for.
 
     Examples
     --------
@@ -572,6 +691,7 @@ class Diagnosis(Findings, Shown):
 
     baseline: Calibration
     noise_source: Source = "declared"
+    why: Why | None = None
 
     def plot_residuals(self, against: str, component: str | None = None, *, after: bool = False) -> Figure:
         """Plot a component of the residuals against a command or covariate, with the prediction by the causes.

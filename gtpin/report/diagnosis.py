@@ -25,6 +25,7 @@ from gtpin.report.sections import FitPresentation
 from gtpin.report.sketch import drawing
 from gtpin.report.steps import steps
 from gtpin.report.verdict import gap_words, verdict
+from gtpin.report.why import why_content
 from gtpin.report.words import chance, percent, quantity, site_words
 from gtpin.threads import in_one_thread
 
@@ -71,7 +72,11 @@ class DiagnosisPresentation(FitPresentation):
             numbers=_numbers(d),
             sketch=drawing(d.model, d.dataset.q.mean(axis=0), *shares),
             caption=f"{SHADES}{' Blue: the sites of the causes.' if d.causes else ''}" if shares else "",
-            content=[*geometry_table(found), *([Table(head, cause_rows(d), (1,), wide=(0, 2))] if d.causes else [])],
+            content=[
+                *why_content(d),
+                *geometry_table(found),
+                *([Table(head, cause_rows(d), (1,), wide=(0, 2))] if d.causes else []),
+            ],
             steps=steps(d),
             warnings=d.warnings,
         )

@@ -12,6 +12,7 @@ from gtpin.diagnosis.result import Cause, Diagnosis, Gap, HealthCheck, Member
 from gtpin.effects.sites import joints
 from gtpin.report.geometry import departures_of
 from gtpin.report.phrases import reason_words
+from gtpin.report.why import why_json
 from gtpin.report.words import number_word
 
 
@@ -50,7 +51,7 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
                 _of(t, "effect", "site") | {"over": list(t.over)} | _of(t, "rms", "probability")
                 for t in unexplained.descriptions
             ],
-            "could_be": [_place(place) for place in unexplained.could_be],
+            "could_be": [_place(place) | {"position_rms_after": left} for place, left in unexplained.could_be.items()],
             "leaders": [_of(one, "effect", "site", "log_evidence", "left") for one in unexplained.leaders],
             "best_known": best and {"effects": [_place(place) for place in best.effects], "left": best.left},
             "questions": [
@@ -62,6 +63,7 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
         },
         "next_experiment": [e.to_json() for e in d.next_experiment],
         "warnings": list(d.warnings),
+        **({"why": why_json(d, d.why)} if isinstance(d, Diagnosis) and d.why is not None else {}),
     }
 
 

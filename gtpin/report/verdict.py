@@ -19,6 +19,7 @@ from gtpin.report.phrases import (
     cause_lines,
     doubt_words,
     named,
+    others,
     overlap,
     parameter,
     reason_words,
@@ -178,7 +179,7 @@ def _moves(near: Sequence[Correlate], s: str) -> str:
 
 
 def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
-    open_, left = bool(d.unexplained.could_be), _of_each(d.gap, _left)
+    open_, left = bool(_possible(d)), _of_each(d.gap, _left)
     what = "an effect that these data can't identify" if open_ else "an effect that is not in the catalogue"
     if any(doubt.reason == "excess" for doubt in d.doubts):
         headline = f"Scatter of {left}: these data don't show whether it is noise."
@@ -304,23 +305,44 @@ def not_recorded(d: Diagnosis) -> list[str]:
 
 
 def nearest(d: Diagnosis) -> str:
-    """How much the mechanisms explain that come nearest to what is unknown; empty where none does."""
-    best, before = d.unexplained.best_known, d.gap.before
-    if best is None:
+    """How much the mechanisms explain that come nearest to what is unknown; empty where there is none.
+
+    What could be in the place of one of them is named with it: the next of a cause's class; of what is no cause, the mechanism
+    that by itself explains nearly as much.
+    """
+    best, before, leaders = d.unexplained.best_known, d.gap.before, d.unexplained.leaders
+    if best is None and not leaders:
         return ""
-    of = f"{100.0 * (1.0 - best.left / before):.0f} % of the error"
+    explained = before - (leaders[0].left if best is None else best.left)
+    of = f"{100.0 * max(explained, 0.0) / before:.0f} % of the error"
     if not d.gap.by_instrument:
-        of = f"{length(before - best.left)} of {length(before)}"
-    names = joined([named(d.effect(effect), site) for effect, site in best.effects])
-    others = [one for one in d.unexplained.leaders if (one.effect, one.site) not in best.effects]
-    if len(best.effects) == 1 and others and before - others[0].left > NEARLY * (before - best.left):
-        names += f", or {named(d.effect(others[0].effect), others[0].site)}"
-    return f"The best that is known explains {of} at left-out poses: {names}."
+        of = f"{length(max(explained, 0.0))} of {length(before)}"
+    if best is None:
+        first = named(d.effect(leaders[0].effect), leaders[0].site)
+        return f"No known mechanism comes near: {first} explains {of} at left-out poses, more than any other."
+    instead = {(c.effect, c.site): (m.effect, m.site) for c in d.causes for m in others(c)[:1]}
+    near = [(one.effect, one.site) for one in leaders if before - one.left > NEARLY * explained]
+    near = [place for place in near if place not in best.effects]
+    if len(best.effects) == 1 and near and not d.causes:
+        instead[best.effects[0]] = near[0]
+    names = [named(d.effect(effect), site) for effect, site in best.effects]
+    for k, place in enumerate(best.effects):
+        if place in instead:
+            second = named(d.effect(instead[place][0]), instead[place][1])
+            names[k] += f" (or {second})" if len(names) > 1 else f", or {second}"
+    return f"The best that is known explains {of} at left-out poses: {joined(names)}."
+
+
+def _possible(d: Diagnosis) -> list[tuple[str, str]]:
+    """What could be the unknown cause, without a first leader that explains next to nothing of it."""
+    reasons = {(c.effect, c.site): c.reason for c in d.candidates}
+    first = [(one.effect, one.site) for one in d.unexplained.leaders[:1] if d.unexplained.best_known is None]
+    return [place for place in d.unexplained.could_be if place not in first or reasons[place] is not None]
 
 
 def could_be(d: Diagnosis) -> list[str]:
     """Effects that could be the unknown cause: likely ones, and those that can't be tested, with the reason."""
-    places = d.unexplained.could_be[:LISTED]
+    places = _possible(d)[:LISTED]
     likely = [c for c in d.candidates if c.reason is None and (c.effect, c.site) in places]
     lines = []
     if likely:

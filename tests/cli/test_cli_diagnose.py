@@ -151,6 +151,31 @@ def test_json_prints_the_result_and_nothing_else(run, diagnosed, again, strong, 
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+def test_why_one_cause_is_not_named_is_said_on_the_first_screen_on_the_page_and_in_the_numbers(run, strong, tmp_path):
+    ran = run("diagnose", strong, "-o", tmp_path / "out", "--why", "servo_lag@cart1")
+    assert ran.code == 0, ran.err
+    found = told(tmp_path / "out")
+    assert set(found) == KEYS | {"why"}
+    why = found["why"]
+    assert why["standing"] != "named"
+    for shown in (ran.out, (tmp_path / "out" / "report.html").read_text()):
+        assert "servo_lag at cart1: not named" in " ".join(shown.split())
+    assert why["position_rms_after"] == why["left_out"]["alone"] > 0.0
+    step = why["next_experiment"]
+    assert "servo_lag@cart1" in found["next_experiment"][step]["separates"]
+    assert (
+        not found["next_experiment"][step]["poses"]
+        or (tmp_path / "out" / "next_experiment" / f"{step + 1}.csv").exists()
+    )
+
+
+@pytest.mark.parametrize("word", ["backlsh@cart1", "backlash@cart7", "backlash"])
+def test_an_unknown_name_after_why_is_one_line_with_the_nearest(run, strong, tmp_path, word):
+    assert "backlash@cart1" in run("diagnose", strong, "-o", tmp_path / "deep" / "out", "--why", word).failed()
+    assert not (tmp_path / "deep").exists()
+
+
 def test_what_is_excluded_is_neither_named_nor_considered(run, strong, tmp_path):
     ran = run("diagnose", strong, "-o", tmp_path / "out", "--exclude", "backlash@cart1", "--exclude", "servo_lag")
     assert ran.code == 0, ran.err

@@ -72,6 +72,7 @@ def test_compare_with_a_model_and_a_dataset_names_the_command_that_is_meant(run,
         (["--against", "nowhere"], "nowhere"),
         (["--against", "MODEL", "--hold-out", "random"], "--hold-out"),
         (["--against", "MODEL", "--exclude", "rust"], "rust"),
+        (["--against", "MODEL", "--why", "backlash@cart1"], "earlier model"),
     ],
 )
 def test_what_can_not_be_is_one_line(run, folder, tmp_path, options, words):

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gtpin.diagnosis.result import Considered, Correlate, Member
+from gtpin.diagnosis.result import BestKnown, Considered, Correlate, Leader, Member
 from gtpin.effects.untestable import Untestable
 from gtpin.estimate import Estimate
 from gtpin.report.phrases import cause_rows
-from gtpin.report.verdict import verdict
+from gtpin.report.verdict import could_be, nearest, verdict
 
 pytestmark = pytest.mark.slow  # two diagnoses
 
@@ -163,7 +163,7 @@ def test_a_headline_has_two_lines_however_many_causes_there_are(findings):
 
 def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findings):
     found = findings["unknown"]
-    unexplained = replace(found.unexplained, could_be=(("zero_shift", "cart1"),))
+    unexplained = replace(found.unexplained, could_be={("zero_shift", "cart1"): None})
     candidates = lacking(found, "zero_shift", "session")
     advice = " ".join(verdict(replace(found, candidates=candidates, unexplained=unexplained)).advice)
     assert "could be zero shift at cart1, which these data can't test: the covariate session is missing." in advice
@@ -173,9 +173,52 @@ def test_an_unknown_says_what_could_not_be_tested_and_would_account_for_it(findi
 def test_an_unknown_says_which_likely_cause_it_could_be(findings):
     found = findings["unknown"]
     likely = next(c for c in found.candidates if c.testable and c.reason is None)
-    unexplained = replace(found.unexplained, could_be=((likely.effect, likely.site),))
+    unexplained = replace(found.unexplained, could_be={(likely.effect, likely.site): 1e-4})
     advice = " ".join(verdict(replace(found, unexplained=unexplained)).advice)
     assert f"at {likely.site}; these data can't distinguish it from an effect that gtpin does not know." in advice
+
+
+LEFT = {("tracker_drift", "frame"): 0.4, ("target_drift", "platform"): 0.45, ("backlash", "cart1"): 0.95}
+"""Errors that mechanisms leave, as a share of the gap."""
+
+
+def with_leaders(found, *best):
+    leaders = tuple(Leader(*place, 100.0, share * found.gap.before) for place, share in LEFT.items())
+    known = BestKnown(best, 0.4 * found.gap.before) if best else None
+    return replace(found, unexplained=replace(found.unexplained, leaders=leaders, best_known=known))
+
+
+def test_of_two_mechanisms_that_explain_nearly_as_much_both_are_named(findings):
+    found = with_leaders(findings["unknown"], ("tracker_drift", "frame"))
+    assert found.causes == ()
+    said = nearest(found)
+    assert "at the instrument, or drift of the tool or target at the platform." in said
+    assert "backlash" not in said
+    explained, whole = said.replace("\u00a0", " ").split("explains ")[1].split(" at left-out")[0].split(" of ")
+    assert float(explained.split()[0]) == pytest.approx(0.6 * float(whole.split()[0]), rel=0.01)
+
+
+def test_a_named_cause_has_beside_it_what_could_be_in_its_place_and_not_what_comes_next(findings):
+    cause = findings["explained"].causes[0]
+    place, other = (cause.effect, cause.site), ("linearity", "cart2")
+    alone = with_leaders(replace(findings["unknown"], causes=(cause,)), place)
+    assert nearest(alone).endswith("periodic drive error at cart2.")
+    members = (Member(*place, 0.6), Member(*other, 0.4))
+    open_ = with_leaders(replace(findings["unknown"], causes=(replace(cause, members=members),)), place)
+    assert nearest(open_).endswith("periodic drive error at cart2, or smooth drive error at cart2.")
+    two = with_leaders(open_, place, ("backlash", "cart1"))
+    assert "(or smooth drive error at cart2) and backlash" in nearest(two)
+
+
+def test_where_no_mechanism_comes_near_the_first_is_told_and_not_called_possible(findings):
+    found = findings["unknown"]
+    first = Leader("backlash", "cart1", 1.0, 0.99 * found.gap.before)
+    far = replace(
+        found, unexplained=replace(found.unexplained, leaders=(first,), could_be={("backlash", "cart1"): 1e-5})
+    )
+    assert nearest(far).startswith("No known mechanism comes near: backlash")
+    assert could_be(far) == []
+    assert "not in the catalogue" in verdict(far).headline
 
 
 def test_silence_is_not_called_good_where_scatter_may_hide_what_could_not_be_tested(findings):

@@ -142,6 +142,7 @@ ROOMS = (
     "trials",
     "discrimination",
     "next_experiment",
+    "why",
     "earlier",
     "against",
     "diagnose",
