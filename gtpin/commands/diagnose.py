@@ -12,6 +12,7 @@ from gtpin.commands.terminal import (
     AsJson,
     DatasetFolder,
     Force,
+    Number,
     Output,
     Seed,
     Tcp,
@@ -58,6 +59,7 @@ def diagnose(
         float, typer.Option(help="Probability of naming a cause if there is none.", min=1e-6, max=0.5)
     ] = FALSE_ALARM,
     seed: Seed = 0,
+    poses: Number = None,
     trust_data: TrustData = False,
     force: Force = False,
     as_json: AsJson = False,
@@ -83,6 +85,7 @@ def diagnose(
                 false_alarm=false_alarm,
                 hold_out=hold_out,
                 seed=seed,
+                poses=poses,
                 progress=progress,
             )
         take(found)

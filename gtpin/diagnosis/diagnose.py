@@ -13,6 +13,7 @@ import numpy as np
 
 from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.calibration.robust_fit import Progress
+from gtpin.calibration.thinning import thinned
 from gtpin.data import Dataset, by_region
 from gtpin.diagnosis.against import check
 from gtpin.diagnosis.doubts import (
@@ -59,6 +60,7 @@ from gtpin.errors import ConvergenceError, ModelError, check_kind, noted, warn
 from gtpin.memory import require
 from gtpin.model.measured_robot import check_same_robot, measuring, robot_of
 from gtpin.model.model import Model
+from gtpin.paper.geometry import nominal_geometry
 from gtpin.read_only import gives_read_only
 from gtpin.real import generator, probability
 from gtpin.robot.chain import Chain
@@ -87,6 +89,7 @@ def diagnose(
     priors: Priors = PRIORS,
     hold_out: HoldOut = "region",
     seed: int = 0,
+    poses: int | None = None,
     trust_data: bool = False,
     progress: Progress | None = None,
 ) -> Diagnosis: ...
@@ -103,6 +106,7 @@ def diagnose(
     false_alarm: float = FALSE_ALARM,
     priors: Priors = PRIORS,
     seed: int = 0,
+    poses: int | None = None,
     trust_data: bool = False,
     progress: Progress | None = None,
 ) -> HealthCheck: ...
@@ -121,6 +125,7 @@ def diagnose(
     priors: Priors = PRIORS,
     hold_out: HoldOut = "region",
     seed: int = 0,
+    poses: int | None = None,
     trust_data: bool = False,
     progress: Progress | None = None,
 ) -> Diagnosis | HealthCheck:
@@ -156,6 +161,8 @@ def diagnose(
         With ``against`` it is not used: each pose is left out by itself.
     seed
         Seed of the random numbers: subsets of large datasets, and the draws from which intervals and thresholds are computed.
+    poses
+        Number of poses that are used of a dataset with more: see :func:`~gtpin.calibration.thinning.thinned`. None: all.
     trust_data
         Whether checks for usual mistakes (units, signs, orders of columns) only warn, and never refuse the data.
     progress
@@ -195,14 +202,19 @@ def diagnose(
         found: Diagnosis | HealthCheck
         if against is None:
             nominal = measuring(robot.robot if isinstance(robot, Model) else robot or robot_of(trusted), trusted)
+            if poses is not None:
+                trusted = thinned(trusted, nominal_geometry(nominal, tolerance=trusted.tolerance), poses)
             scope = Scope.of((*known, *driver_effects(trusted, nominal)), exclude, false_alarm, nominal, priors)
             found = _diagnose(trusted, nominal, known, scope, hold_out, seed, report)
         else:
             check_same_robot(against.robot, trusted)
             geometry = against.geometry
             earlier = replace(against, geometry=replace(geometry, robot=measuring(geometry.robot, trusted)))
+            if poses is not None:
+                trusted = thinned(trusted, earlier.geometry, poses)
             scope = Scope.of(known, exclude, false_alarm, earlier.robot, priors)
             found = check(trusted, earlier, scope, seed, report)
+    dataset = dataset if poses is None else replace(trusted, trusted=dataset.trusted)
     return replace(found, dataset=dataset, seed=seed, warnings=dataset.told(texts))
 
 

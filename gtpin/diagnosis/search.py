@@ -410,7 +410,9 @@ def _extend(
         else:
             larger = with_lines_reestimated(hypotheses, model)
             if not hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
-                larger = _with_lines_instead(hypotheses, model)  # the most costly step: only of a model whose lines are final
+                larger = _with_lines_instead(
+                    hypotheses, model
+                )  # the most costly step: only of a model whose lines are final
             if not hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
                 break
         model = larger

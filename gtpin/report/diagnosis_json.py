@@ -60,6 +60,7 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
                 for q in d.questions
             ],
         },
+        "rows": d.dataset.rows_used,
         "next_experiment": [e.to_json() for e in d.next_experiment],
         "warnings": list(d.warnings),
     }
