@@ -69,7 +69,7 @@ def calibrate(
             earlier = read_model(keep_effects, tcp=tcp)
             check_same_robot(earlier.robot, read)
             kept = earlier.effects
-        with progress_of("calibrating") as progress:
+        with progress_of("calibrating", {"rough fit": 0.1, "fit": 0.4}) as progress:
             found = run_calibration(
                 read,
                 model=model,

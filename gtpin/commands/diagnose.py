@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from gtpin.commands.terminal import (
+    DONE,
     AsJson,
     DatasetFolder,
     Force,
@@ -77,7 +78,7 @@ def diagnose(
         read = read_dataset(dataset, tcp, trust=trust_data)
         if log is not None:
             log.refuse_readings(read)
-        with progress_of("diagnosing" if against is None else "checking") as progress:
+        with progress_of("diagnosing", DONE) if against is None else progress_of("checking") as progress:
             found: Any = run_diagnosis(
                 read,
                 against=earlier,

@@ -255,6 +255,7 @@ def _diagnose(
     hypotheses, searched, recorded = settled.hypotheses, settled.searched, prepared.recorded
 
     # 3. Infer which hypotheses are causes, and apply the doubts that need no fit. The checks always leave out neighbours.
+    report("comparing causes", 0, float("nan"))
     context = Context(prepared, settled, infer(settled), blocks_of(searched, "region", rng))
     report("fitting causes and geometry together", 0, float("nan"))
     found = judged(context, OF_THE_SEARCH).found
@@ -272,6 +273,7 @@ def _diagnose(
     found = judged(context, OF_THE_FIT).found
     if found is not context.found:
         model, causes = _fitted(prepared, settled, found)
+    report("predicting poses left out", 0, float("nan"))
     shown = ShownNoise.of(settled.observed, hypotheses, settled.guess, prepared.declared, priors)
     floor, inferred = shown.floor(hypotheses.design), floor_of(settled.observed.noise, hypotheses.design)
     sessions = len(set(searched.covariates.get("session", ("",))))
