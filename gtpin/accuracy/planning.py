@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.observability import Observability, observability
+from gtpin.calibration.thinning import gains
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import reached_poses
 from gtpin.kinematics.rotations import frame_motions
@@ -116,14 +117,11 @@ def best_poses(signal: Signal, count: int) -> Rows:
 
 
 def _gains(signal: Signal, chosen: list[int]) -> Floats:
-    """(N,) gain of each pose, nats, given the chosen ones: log det(I + B C B'), with B the pose's derivatives and C the
-    covariance of the unknowns; minus infinity for chosen poses."""
+    """(N,) gain of each pose, nats, given the chosen ones; minus infinity for chosen poses."""
     information = signal.information(np.array(chosen, dtype=np.intp))
-    root = np.linalg.cholesky(np.linalg.inv(np.eye(len(information)) + information))
-    half = signal.B @ root
-    gain = np.linalg.slogdet(np.eye(signal.B.shape[1]) + half @ np.swapaxes(half, 1, 2))[1]
+    gain = gains(signal.B, np.eye(len(information)) + information)
     gain[chosen] = -np.inf
-    return np.asarray(gain)
+    return gain
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import median
 
 from gtpin.accuracy.dexterity import Dexterity, dexterity, singularity
 from gtpin.errors import ModelError, UnreachableError
@@ -85,6 +84,8 @@ class Workspace:
 
     def on_grid(self, values: Floats) -> Floats:
         """(nx, ny, nz) median of the finite ``values`` (M,) in each cell; NaN where there is none."""
+        from scipy.ndimage import median  # only maps need it
+
         table = np.full([len(axis) for axis in self.axes], np.nan)
         good = np.isfinite(values)
         place = np.ravel_multi_index(tuple(self.cell[good].T), table.shape)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -9,18 +10,17 @@ from functools import partial
 import numpy as np
 
 from gtpin.calibration.checks.after_fit import settled_fit
-from gtpin.calibration.checks.before_fit import usable_rows
-from gtpin.calibration.checks.prepared import prepared
+from gtpin.calibration.checks.before_fit import fittable
 from gtpin.calibration.checks.suspected import recalled
 from gtpin.calibration.fit_state import FitState, unexplained_by
-from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.kept_effects import with_kept_effects
 from gtpin.calibration.left_out import left_out
 from gtpin.calibration.observability import UNSEEN, remedies
-from gtpin.calibration.problem import Problem, problem_of
+from gtpin.calibration.problem import Problem
 from gtpin.calibration.result import Calibration, InstrumentFit, Iteration
-from gtpin.calibration.robust_fit import Progress, RobustFit
+from gtpin.calibration.robust_fit import EXPECTED, Progress, RobustFit
+from gtpin.calibration.thinning import thinned
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
 from gtpin.data.plausible import check_actuators
@@ -32,8 +32,7 @@ from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.memory import amount, require
 from gtpin.model.fit_conditions import FitConditions
-from gtpin.model.measured_robot import measuring, robot_of
-from gtpin.model.model import Model
+from gtpin.model.measured_robot import robot_of
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.paper.geometry import Per, nominal_geometry
 from gtpin.paper.models import MEASURED, model_geometry
@@ -53,7 +52,10 @@ FEWEST = 1.0
 """Fewest degrees of freedom (measured numbers less the effective number of parameters) of a fit: with less, nothing could be
 said of its noise or its error."""
 MANY = 100_000
-"""Number of poses above which the required memory is checked first."""
+"""Number of poses from which on the expected memory and time are told first."""
+TRIED, PASSES = 1_000, (2.0, 12.0)
+"""Number of poses whose derivatives are computed to see how fast this machine is, and the fewest and most times that a
+calibration takes that for each pose. Measured: 2 where the geometry explains the data, 12 where it does not."""
 
 
 @in_one_thread
@@ -73,6 +75,7 @@ def calibrate(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     kinematics: str | None = None,
     keep_effects: Iterable[ActiveEffect] = (),
+    poses: int | None = None,
     trust_data: bool = False,
     progress: Progress | None = None,
 ) -> Calibration:
@@ -106,11 +109,13 @@ def calibrate(
     keep_effects
         Effects of an earlier model of the machine (``model.effects``), which stay as they are: the same machine with another
         tool or instrument. See :func:`~gtpin.calibration.kept_effects.with_kept_effects`.
+    poses
+        Number of poses that are used of a dataset with more: see :func:`~gtpin.calibration.thinning.thinned`. None: all.
     trust_data
         Whether checks for usual mistakes (units, signs, orders of columns) only warn, and never refuse the data.
     progress
-        Called with the name of the step, the number of the iteration, and the RMS residual in units of the noise; None: no
-        calls.
+        Called with the name of the step, the number of the iteration, and the RMS residual in units of the noise; first, for
+        very many poses, with the memory and the time to expect. None: no calls.
 
     Returns
     -------
@@ -177,6 +182,8 @@ def calibrate(
             geometry = model_geometry(model, robot, dataset, orientations=orientations)
         geometry = geometry.freed(free).holding(fixed)
         limits = _checked_bounds(bounds or {}, (*geometry.names, *fixed))
+        if poses is not None:
+            data = thinned(data, geometry, poses)
 
         def calibrated(data: Dataset) -> Calibration:
             data, lacking = data if model is None else without_sigmas(data), model is not None
@@ -194,6 +201,7 @@ def calibrate(
         found = with_kept_effects(data, kept, robot, calibrated) if kept else calibrated(data)
         if found.worse:
             warn(found.worse)
+    dataset = dataset if poses is None else replace(data, trusted=dataset.trusted)
     return replace(found, dataset=dataset, paper_model=model, warnings=dataset.told(texts), history=tuple(history))
 
 
@@ -246,18 +254,12 @@ def _calibrated(
     needed = FIXED + PER_POSE * len(dataset)
     require(f"calibrating {len(dataset):,} poses", needed)
     if progress is not None and len(dataset) >= MANY:
-        progress(f"calibrating {len(dataset):,} poses in {amount(needed)} of memory", 0, float("nan"))
-    check_actuators(geometry.robot, dataset)
-    geometry = with_free_target(replace(geometry, robot=measuring(geometry.robot, dataset)), dataset)
-    nominal = Model(geometry)
-    data = prepared(dataset, nominal)
-    tracked = dataset.readings.tracked
-    whole, usable, kept, near = usable_rows(data, nominal, tracked=tracked)
-    problem = problem_of(kept, near, nominal, free=tracked and data.instrument.frame == "free")
+        progress(f"{EXPECTED} {amount(needed)} of memory and {_expected(dataset, geometry)}", 0, float("nan"))
+    data, whole, usable, kept, near, problem, tracked = fittable(dataset, geometry)
     if not problem.size:
         raise ModelError("there is nothing to identify: no parameter is left", hint="leave out or hold fewer of them")
-    target = data.instrument.target == "free"
-    found = np.array([p.is_free or (target and p.kind == "platform") for p in geometry.parameters], dtype=bool)
+    target, parameters = data.instrument.target == "free", problem.start.geometry.parameters
+    found = np.array([p.is_free or (target and p.kind == "platform") for p in parameters], dtype=bool)
     fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, found if found.any() else None)
     settled = settled_fit(data, kept, fit, tracked=tracked, doubt=doubt)
     if settled.dof < FEWEST:
@@ -269,6 +271,19 @@ def _calibrated(
             "of 7 x 7 is good)",
         )
     return _result(settled, near, whole, usable, tracked=tracked)
+
+
+def _expected(dataset: Dataset, geometry: Geometry) -> str:
+    """The time that a calibration is expected to take on this machine, in words, and what takes less."""
+    some = dataset.take(slice(TRIED))
+    start = time.process_time()
+    with unheard():
+        begun = fittable(some, geometry)
+    point = begun.problem.point(begun.problem.first, begun.near)
+    for rows in begun.problem.chunks():
+        begun.problem.jacobian(point, rows)
+    least, most = ((time.process_time() - start) / TRIED * len(dataset) * passes / 60.0 for passes in PASSES)
+    return f"{least:.2g} to {most:.2g} min for {len(dataset):,} poses (--poses N, poses=N: seconds)"
 
 
 def without_sigmas(dataset: Dataset) -> Dataset:

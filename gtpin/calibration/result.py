@@ -306,6 +306,7 @@ class Calibration(Shown):
             "schema": "gtpin-calibration/1",
             "model": "default" if self.paper_model is None else self.paper_model,
             "poses": self.poses,
+            "rows": self.dataset.rows_used,
             "rejected": list(self.rejected),
             **_errors_json(self),
             "chi2_per_dof": self.chi2_per_dof,

@@ -24,6 +24,8 @@ Progress = Callable[[str, int, float], None]
 Tails = tuple[weights.Tails, ...]
 Weigh = Callable[[Floats], Floats]
 """Weights (N,) of rows from their whitened residuals (N, c)."""
+EXPECTED = "expected:"
+"""Begins the step of a progress that tells the memory and the time to expect."""
 
 MAX_ITERATIONS = 30
 FREE_ITERATIONS = 8

@@ -13,6 +13,7 @@ from gtpin.commands.terminal import (
     CartOrientation,
     DatasetFolder,
     Force,
+    Number,
     Output,
     Tcp,
     TrustData,
@@ -55,6 +56,7 @@ def calibrate(
         bool, typer.Option("--zeros", help="The zeros of the joints are parameters too: zero[JOINT].")
     ] = False,
     tcp: Tcp = None,
+    poses: Number = None,
     trust_data: TrustData = False,
     force: Force = False,
     as_json: AsJson = False,
@@ -67,7 +69,7 @@ def calibrate(
             earlier = read_model(keep_effects, tcp=tcp)
             check_same_robot(earlier.robot, read)
             kept = earlier.effects
-        with progress_of("calibrating") as progress:
+        with progress_of("calibrating", {"rough fit": 0.1, "fit": 0.4}) as progress:
             found = run_calibration(
                 read,
                 model=model,
@@ -76,6 +78,7 @@ def calibrate(
                 fix=_fixed(fix or ()),
                 free=free or (),
                 keep_effects=kept,
+                poses=poses,
                 progress=progress,
             )
         take(found)

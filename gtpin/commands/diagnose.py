@@ -9,9 +9,11 @@ from typing import Annotated, Any
 import typer
 
 from gtpin.commands.terminal import (
+    DONE,
     AsJson,
     DatasetFolder,
     Force,
+    Number,
     Output,
     Seed,
     Tcp,
@@ -64,6 +66,7 @@ def diagnose(
         float, typer.Option(help="Probability of naming a cause if there is none.", min=1e-6, max=0.5)
     ] = FALSE_ALARM,
     seed: Seed = 0,
+    poses: Number = None,
     trust_data: TrustData = False,
     force: Force = False,
     as_json: AsJson = False,
@@ -81,7 +84,7 @@ def diagnose(
         read = read_dataset(dataset, tcp, trust=trust_data)
         if log is not None:
             log.refuse_readings(read)
-        with progress_of("diagnosing" if against is None else "checking") as progress:
+        with progress_of("diagnosing", DONE) if against is None else progress_of("checking") as progress:
             found: Any = run_diagnosis(
                 read,
                 against=earlier,
@@ -89,6 +92,7 @@ def diagnose(
                 false_alarm=false_alarm,
                 hold_out=hold_out,
                 seed=seed,
+                poses=poses,
                 progress=progress,
                 why=why,
             )

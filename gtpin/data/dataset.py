@@ -89,6 +89,9 @@ class Dataset(Shown):
         Texts of the warnings when it was read: results repeat them.
     trusted
         Whether checks for usual mistakes (units, signs, orders of columns) only warn, and never refuse the data.
+    rows_of
+        Number of rows of the dataset of which these were chosen (``poses`` of :func:`gtpin.calibrate`); None: none were left
+        out.
 
     Raises
     ------
@@ -127,6 +130,7 @@ class Dataset(Shown):
     readings: InstrumentRows = POSES
     warnings: tuple[str, ...] = ()
     trusted: bool = False
+    rows_of: int | None = None
 
     def __post_init__(self) -> None:
         description = self._description(self.robot)
@@ -171,6 +175,11 @@ class Dataset(Shown):
     def n_actuators(self) -> int:
         """Number of commanded actuators."""
         return int(self.q.shape[1])
+
+    @property
+    def rows_used(self) -> dict[str, int]:
+        """Number of rows, and of those of the dataset of which they were chosen: as results have it in JSON."""
+        return {"used": len(self), "of": self.rows_of or len(self)}
 
     def place(self, index: int) -> tuple[Path | None, int]:
         """File, and line in it, of the row with this index (counted from 0)."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.calibration.robust_fit import Progress
+from gtpin.calibration.thinning import thinned
 from gtpin.data import Dataset, by_region
 from gtpin.diagnosis.against import check
 from gtpin.diagnosis.doubts import (
@@ -60,6 +61,7 @@ from gtpin.errors import ConvergenceError, ModelError, check_kind, noted, warn
 from gtpin.memory import require
 from gtpin.model.measured_robot import check_same_robot, measuring, robot_of
 from gtpin.model.model import Model
+from gtpin.paper.geometry import nominal_geometry
 from gtpin.read_only import gives_read_only
 from gtpin.real import generator, probability
 from gtpin.robot.chain import Chain
@@ -88,6 +90,7 @@ def diagnose(
     priors: Priors = PRIORS,
     hold_out: HoldOut = "region",
     seed: int = 0,
+    poses: int | None = None,
     trust_data: bool = False,
     progress: Progress | None = None,
     why: str | None = None,
@@ -105,6 +108,7 @@ def diagnose(
     false_alarm: float = FALSE_ALARM,
     priors: Priors = PRIORS,
     seed: int = 0,
+    poses: int | None = None,
     trust_data: bool = False,
     progress: Progress | None = None,
     why: None = None,
@@ -124,6 +128,7 @@ def diagnose(
     priors: Priors = PRIORS,
     hold_out: HoldOut = "region",
     seed: int = 0,
+    poses: int | None = None,
     trust_data: bool = False,
     progress: Progress | None = None,
     why: str | None = None,
@@ -160,6 +165,8 @@ def diagnose(
         With ``against`` it is not used: each pose is left out by itself.
     seed
         Seed of the random numbers: subsets of large datasets, and the draws from which intervals and thresholds are computed.
+    poses
+        Number of poses that are used of a dataset with more: see :func:`~gtpin.calibration.thinning.thinned`. None: all.
     trust_data
         Whether checks for usual mistakes (units, signs, orders of columns) only warn, and never refuse the data.
     progress
@@ -204,6 +211,8 @@ def diagnose(
         found: Diagnosis | HealthCheck
         if against is None:
             nominal = measuring(robot.robot if isinstance(robot, Model) else robot or robot_of(trusted), trusted)
+            if poses is not None:
+                trusted = thinned(trusted, nominal_geometry(nominal, tolerance=trusted.tolerance), poses)
             scope = Scope.of((*known, *driver_effects(trusted, nominal)), exclude, false_alarm, nominal, priors)
             place = None if why is None else scope.place(why, nominal)
             found = _diagnose(trusted, nominal, known, scope, hold_out, seed, report, place)
@@ -211,8 +220,11 @@ def diagnose(
             check_same_robot(against.robot, trusted)
             geometry = against.geometry
             earlier = replace(against, geometry=replace(geometry, robot=measuring(geometry.robot, trusted)))
+            if poses is not None:
+                trusted = thinned(trusted, earlier.geometry, poses)
             scope = Scope.of(known, exclude, false_alarm, earlier.robot, priors)
             found = check(trusted, earlier, scope, seed, report)
+    dataset = dataset if poses is None else replace(trusted, trusted=dataset.trusted)
     return replace(found, dataset=dataset, seed=seed, warnings=dataset.told(texts))
 
 
@@ -255,6 +267,7 @@ def _diagnose(
     hypotheses, searched, recorded = settled.hypotheses, settled.searched, prepared.recorded
 
     # 3. Infer which hypotheses are causes, and apply the doubts that need no fit. The checks always leave out neighbours.
+    report("comparing causes", 0, float("nan"))
     context = Context(prepared, settled, infer(settled), blocks_of(searched, "region", rng))
     report("fitting causes and geometry together", 0, float("nan"))
     found = judged(context, OF_THE_SEARCH).found
@@ -272,6 +285,7 @@ def _diagnose(
     found = judged(context, OF_THE_FIT).found
     if found is not context.found:
         model, causes = _fitted(prepared, settled, found)
+    report("predicting poses left out", 0, float("nan"))
     shown = ShownNoise.of(settled.observed, hypotheses, settled.guess, prepared.declared, priors)
     floor, inferred = shown.floor(hypotheses.design), floor_of(settled.observed.noise, hypotheses.design)
     sessions = len(set(searched.covariates.get("session", ("",))))

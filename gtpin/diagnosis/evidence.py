@@ -156,27 +156,27 @@ def best_scales(
     model marginalised. ``core``: indices of the core's columns; empty where all columns are the core.
     """
     values, vectors = np.linalg.eigh(grams)
-    values = np.maximum(values, 0.0)
-    along = (vectors.swapaxes(1, 2) @ moments[..., None])[..., 0]
-    s2 = (SCALES**2)[:, None, None]
+    values = np.maximum(values, 0.0)[:, :, None]
+    along = vectors.swapaxes(1, 2) @ moments[:, :, None]
+    s2 = SCALES**2
     shrunk = s2 / (1.0 + s2 * values)
-    gain = 0.5 * (shrunk * along**2 - np.log1p(s2 * values)).sum(axis=2)
-    gain -= 0.5 * (np.log(SCALES)[:, None] / priors.scale_spread) ** 2
+    fitted = shrunk * along
+    gain = 0.5 * (fitted * along - np.log1p(s2 * values)).sum(axis=1)
+    gain -= 0.5 * (np.log(SCALES) / priors.scale_spread) ** 2
     own = [i for i in core if i < values.shape[1]]
     if own:
         part = vectors[:, own]
-        mean = np.einsum("sfj,ksj->ksf", part, shrunk * along, optimize=True)
-        variance = np.einsum("sfj,ksj->ksf", part**2, shrunk, optimize=True)
-        unsuited = ((mean**2 + variance) / s2).mean(axis=2) < priors.least_core**2
-        whole = (values * (shrunk * along) ** 2).sum(axis=2)
+        mean, variance = part @ fitted, part**2 @ shrunk
+        unsuited = ((mean**2 + variance) / s2).mean(axis=1) < priors.least_core**2
+        whole = (values * fitted**2).sum(axis=1)
         inner = grams[:, own][:, :, own]
-        energy = np.einsum("ksf,sfg,ksg->ks", mean, inner, mean, optimize=True)
-        seen = np.trace(inner, axis1=1, axis2=2) > len(own)
+        energy = (mean * (inner @ mean)).sum(axis=1)
+        seen = np.trace(inner, axis1=1, axis2=2)[:, None] > len(own)
         unsuited |= seen & (energy + len(own) < priors.least_core**2 * whole)
-        unsuited[0] = False  # the smallest scale is always admitted, so that there is a gain
+        unsuited[:, 0] = False  # the smallest scale is always admitted, so that there is a gain
         gain = np.where(unsuited, -np.inf, gain)
-    best = np.argmax(gain, axis=0)
-    return np.take_along_axis(gain, best[None], axis=0)[0], SCALES[best]
+    best = np.argmax(gain, axis=1)
+    return gain[np.arange(len(gain)), best], SCALES[best]
 
 
 T = TypeVar("T")

@@ -19,7 +19,7 @@ from gtpin.diagnosis.result import Correlate, Gap, HoldOut, InstrumentGap, Turns
 from gtpin.diagnosis.search import Gain, HypothesisSet, causes
 from gtpin.diagnosis.smooth_terms import COMMON
 from gtpin.diagnosis.verdict import Conclusion
-from gtpin.distributions import chi2
+from gtpin.distributions import chi2, t
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import DatasetError, ModelError, unheard
 from gtpin.instruments.readings import Readings
@@ -185,13 +185,11 @@ def _reach(powers: Floats, explained_fraction: float) -> float:
 
     ``powers``: (K, 2) each block's mean square error before and after, less the floor, m^2.
     """
-    from scipy.stats import t
-
     before, after = powers.T
     departure = (before - after - explained_fraction * before) / max(float(before.mean()), 1e-300)
     free = len(powers) - 1
     scatter = float(np.sqrt((departure**2).sum() / free))
-    return float(t.ppf(0.975, free)) * scatter * float(np.sqrt(1.0 + 1.0 / len(powers)))
+    return float(t.isf(0.025, free)) * scatter * float(np.sqrt(1.0 + 1.0 / len(powers)))
 
 
 def _draws(alone: LeftOut, whole: LeftOut, error: float, squares: Floats, rng: np.random.Generator) -> Floats:

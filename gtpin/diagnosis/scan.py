@@ -281,7 +281,9 @@ class Scan:
         grams, moments = products.grams, products.moments
         if across is not None:
             moments = moments - across @ model.mean
-            grams = grams - across @ model.covariance @ across.transpose(0, 2, 1)
+            # One product of all values with the covariance: one after the other takes twice as long.
+            fitted = (across.reshape(-1, len(model.mean)) @ model.covariance).reshape(across.shape)
+            grams = grams - fitted @ across.transpose(0, 2, 1)
         return best_scales(grams, moments, self.effect.core, self.priors)[0]
 
 

@@ -352,7 +352,8 @@ def search(
     largest = MOST_TERMS + hypotheses.design.operating_points.robot.n_actuators if hypotheses.long else MOST_TERMS
     terms = _with_room(hypotheses, NOTHING, terms)
     order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))
-    best: Posterior[Term] = _extend(hypotheses, start, terms, largest) if start.terms else NOTHING
+    passed: dict[frozenset[tuple[Term, tuple[float, ...], float]], Posterior[Term]] = {}
+    best: Posterior[Term] = _extend(hypotheses, start, terms, largest, passed) if start.terms else NOTHING
     taken = {hypotheses.without_value(t) for t in best.terms}
     for term in order[: beginnings if len(best.terms) <= MOST_TERMS else 0]:
         if alone[term].value < hypotheses.cost(term):
@@ -361,7 +362,7 @@ def search(
             continue
         first = alone[term].term
         if (key := (first, tuple(terms), largest)) not in hypotheses.searches:
-            hypotheses.searches[key] = _extend(hypotheses, hypotheses.extended(NOTHING, first), terms, largest)
+            hypotheses.searches[key] = _extend(hypotheses, hypotheses.extended(NOTHING, first), terms, largest, passed)
         larger = hypotheses.searches[key]
         if hypotheses.log_posterior(larger) > hypotheses.log_posterior(best):
             best = larger
@@ -369,10 +370,26 @@ def search(
     return best
 
 
-def _extend(hypotheses: HypothesisSet, model: Posterior[Term], terms: Sequence[Term], largest: int) -> Posterior[Term]:
-    """A model after all steps that increase its log posterior: one more term, more lines of a term, exchanges, removals."""
+def _extend(
+    hypotheses: HypothesisSet,
+    model: Posterior[Term],
+    terms: Sequence[Term],
+    largest: int,
+    passed: dict[frozenset[tuple[Term, tuple[float, ...], float]], Posterior[Term]],
+) -> Posterior[Term]:
+    """A model after all steps that increase its log posterior: one more term, more lines of a term, exchanges, removals.
+
+    ``passed``: what became of the models that searches of these terms have passed, by their terms in any order, values (to
+    1e-9 of their units) and scales: from one of them on, the steps are the same.
+    """
     last: dict[tuple[str, str], float] = {}
+    way = []
     while True:
+        values = (tuple(np.round(t.values, 9)) if isinstance(t, Hypothesis) else () for t in model.terms)
+        way.append(frozenset(zip(map(hypotheses.without_value, model.terms), values, model.scale, strict=True)))
+        if way[-1] in passed:
+            model = passed[way[-1]]
+            break
         lines = further_lines(hypotheses, model, last=last)
         gains = hypotheses.net_gains(model, _with_room(hypotheses, model, terms)) if len(model.terms) < largest else {}
         best = max(gains.values(), key=lambda g: g.whole, default=None)
@@ -391,10 +408,16 @@ def _extend(hypotheses: HypothesisSet, model: Posterior[Term], terms: Sequence[T
             if hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
                 break
         else:
-            larger = _with_lines_instead(hypotheses, with_lines_reestimated(hypotheses, model))
+            larger = with_lines_reestimated(hypotheses, model)
             if not hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
-                return model
+                larger = _with_lines_instead(
+                    hypotheses, model
+                )  # the most costly step: only of a model whose lines are final
+            if not hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
+                break
         model = larger
+    passed |= dict.fromkeys(way, model)
+    return model
 
 
 def _with_lines_instead(hypotheses: HypothesisSet, model: Posterior[Term]) -> Posterior[Term]:

@@ -61,6 +61,7 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
                 for q in d.questions
             ],
         },
+        "rows": d.dataset.rows_used,
         "next_experiment": [e.to_json() for e in d.next_experiment],
         "warnings": list(d.warnings),
         **({"why": why_json(d, d.why)} if isinstance(d, Diagnosis) and d.why is not None else {}),

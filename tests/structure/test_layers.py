@@ -46,7 +46,7 @@ makes machines and judges answers."""
 NOT_CORE = ("extras", "bench", "plant")
 """Parts that the core reaches by entry points alone; ``plant`` is the former name of ``bench.simulator``."""
 ASKING = {
-    "calibration/calibrate.py": 1,
+    "calibration/checks/before_fit.py": 1,
     "calibration/checks/prepared.py": 1,
     "data/dataset.py": 2,
     "diagnosis/against.py": 2,

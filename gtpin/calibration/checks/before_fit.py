@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,24 +11,52 @@ from gtpin.calibration.checks import limits
 from gtpin.calibration.checks.instruments import check_distances, check_sockets, check_stations
 from gtpin.calibration.checks.mixed_units import check_mixed_units
 from gtpin.calibration.checks.moved import check_sessions
+from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.recognise import recognised
 from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
-from gtpin.calibration.free_target import with_target
+from gtpin.calibration.free_target import with_free_target, with_target
 from gtpin.calibration.gauss_newton import fit
-from gtpin.calibration.problem import Measured, Problem, measured_poses, rough_frame
+from gtpin.calibration.problem import Measured, Problem, measured_poses, problem_of, rough_frame
 from gtpin.data import Dataset, InstrumentSection, check_commands
 from gtpin.data.duplicates import with_rounding
 from gtpin.data.files import warn_of
 from gtpin.data.names import ORIENTATION
-from gtpin.data.plausible import named_poses, sane_rows
+from gtpin.data.plausible import check_actuators, named_poses, sane_rows
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.frame_and_target import MEDIAN
 from gtpin.instruments.readings import Readings, single
 from gtpin.kinematics.poses import Poses
+from gtpin.model.measured_robot import measuring
 from gtpin.model.model import Frame, Model
 from gtpin.noise import weights
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Mask
+
+
+class Fittable(NamedTuple):
+    """What a fit starts from.
+
+    ``data``: the dataset without copies. ``whole``, ``usable``, ``kept``, ``near``: as :func:`usable_rows` gives them.
+    ``problem``: about the nominal machine. ``tracked``: whether one tracker measured poses.
+    """
+
+    data: Dataset
+    whole: Dataset
+    usable: Mask
+    kept: Dataset
+    near: Poses
+    problem: Problem
+    tracked: bool
+
+
+def fittable(dataset: Dataset, geometry: Geometry) -> Fittable:
+    """What a fit of a dataset starts from; errors and warnings of all checks of the data before a fit."""
+    check_actuators(geometry.robot, dataset)
+    nominal = Model(with_free_target(replace(geometry, robot=measuring(geometry.robot, dataset)), dataset))
+    data, tracked = prepared(dataset, nominal), dataset.readings.tracked
+    whole, usable, kept, near = usable_rows(data, nominal, tracked=tracked)
+    problem = problem_of(kept, near, nominal, free=tracked and data.instrument.frame == "free")
+    return Fittable(data, whole, usable, kept, near, problem, tracked)
 
 
 def usable_rows(given: Dataset, nominal: Model, *, tracked: bool) -> tuple[Dataset, Mask, Dataset, Poses]:
