@@ -281,7 +281,9 @@ class Scan:
         grams, moments = products.grams, products.moments
         if across is not None:
             moments = moments - across @ model.mean
-            grams = grams - across @ model.covariance @ across.transpose(0, 2, 1)
+            # One product of all values: as many as there are values, each of a few rows, would take several times as long.
+            spread = (across.reshape(-1, across.shape[2]) @ model.covariance).reshape(across.shape)
+            grams = grams - spread @ across.transpose(0, 2, 1)
         return best_scales(grams, moments, self.effect.core, self.priors)[0]
 
 
