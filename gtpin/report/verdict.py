@@ -334,10 +334,11 @@ def nearest(d: Diagnosis) -> str:
 
 
 def _possible(d: Diagnosis) -> list[tuple[str, str]]:
-    """What could be the unknown cause, without a first leader that explains next to nothing of it."""
-    reasons = {(c.effect, c.site): c.reason for c in d.candidates}
-    first = [(one.effect, one.site) for one in d.unexplained.leaders[:1] if d.unexplained.best_known is None]
-    return [place for place in d.unexplained.could_be if place not in first or reasons[place] is not None]
+    """What could be the unknown cause, without a first leader that explains next to nothing of what is left."""
+    reasons, left = {(c.effect, c.site): c.reason for c in d.candidates}, d.gap.after**2
+    least = PRIORS.weak * (left - d.gap.floor**2)
+    weak = [(one.effect, one.site) for one in d.unexplained.leaders[:1] if left - one.left**2 < least]
+    return [place for place in d.unexplained.could_be if place not in weak or reasons[place] is not None]
 
 
 def could_be(d: Diagnosis) -> list[str]:
