@@ -281,7 +281,10 @@ class Scan:
         grams, moments = products.grams, products.moments
         if across is not None:
             moments = moments - across @ model.mean
-            grams = grams - across @ model.covariance @ across.transpose(0, 2, 1)
+            known = (across.reshape(-1, across.shape[2]) @ model.covariance).reshape(
+                across.shape
+            )  # one product is faster
+            grams = grams - known @ across.transpose(0, 2, 1)
         return best_scales(grams, moments, self.effect.core, self.priors)[0]
 
 
