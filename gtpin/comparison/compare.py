@@ -125,10 +125,8 @@ def _as_read(data: Dataset) -> Dataset:
     if data.readings.tracked:
         return data
     columns = data.readings.columns
-    T, wxyz = (
-        np.column_stack([columns[n] for n in names if n in columns] or [[]]) for names in (POSITION, ORIENTATION)
-    )
-    return replace(data, position=T, orientation=wxyz if wxyz.size else None, readings=POSES)
+    wxyz = np.column_stack([columns[n] for n in ORIENTATION]) if "qw" in columns else None
+    return replace(data, position=np.column_stack([columns[n] for n in POSITION]), orientation=wxyz, readings=POSES)
 
 
 @contextmanager
