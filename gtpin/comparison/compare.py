@@ -122,7 +122,7 @@ def _read(model: Model, data: Dataset) -> Poses:
 
 def _as_read(data: Dataset) -> Dataset:
     """The dataset with what was read as its poses, also where that was in the frames of several stations."""
-    if data.readings.tracked:
+    if not any(data.readings.stations):
         return data
     columns = data.readings.columns
     wxyz = np.column_stack([columns[n] for n in ORIENTATION]) if "qw" in columns else None
