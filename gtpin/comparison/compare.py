@@ -122,14 +122,11 @@ def _read(model: Model, data: Dataset) -> Poses:
 
 def _as_read(data: Dataset) -> Dataset:
     """The dataset with what was read as its poses, also where that was in the frames of several stations."""
-    if data.readings.tracked:
+    if not any(data.readings.stations):
         return data
     columns = data.readings.columns
-    T, wxyz = (
-        np.column_stack([columns[n] for n in names if n in columns] or [np.zeros(0)])
-        for names in (POSITION, ORIENTATION)
-    )
-    return replace(data, position=T, orientation=wxyz if wxyz.size else None, readings=POSES)
+    wxyz = np.column_stack([columns[n] for n in ORIENTATION]) if "qw" in columns else None
+    return replace(data, position=np.column_stack([columns[n] for n in POSITION]), orientation=wxyz, readings=POSES)
 
 
 @contextmanager

@@ -106,7 +106,7 @@ class InstrumentRows:
         if not any(own):
             return self
         if session is None and "session" not in self.columns:
-            what, hint = 'stations = "session" without sessions', "give each row of every table the session it is of"
+            what, hint = 'stations = "session" without sessions', "give each row the session it is of"
             raise DatasetError(what, file=self.files[own.index(True)], row=1, column="session", hint=hint)
         column = self.columns["session"] if session is None else np.where(np.array(own)[self.of], session, "")
         names = (tuple(sorted(set(column[self.of == i]))) for i in range(len(own)))

@@ -130,6 +130,8 @@ def _part(file: Path, table: InstrumentTable, beside: set[str]) -> _Part:
     taken = {"pose", *command_names(q.shape[1]), *readings, *table.optional, *table.ids, *table.numbers, *beside}
     covariates = rows.covariates(read.covariates(taken), q.shape[1], TAKEN_IN_POSES)
     read.warn_of_covariates(taken)
+    if isinstance(table, TrackerTable) and table.stations and "session" in covariates:
+        readings["session"] = covariates["session"]  # also where other tables lack it
     return _Part(table, rows, pose, q, readings, covariates)
 
 

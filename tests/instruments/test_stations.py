@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.stats import chi2
-from virtual_stations import AXES, SIGMA, Stations, measured
+from virtual_stations import AXES, SIGMA, Stations, measured, written
 
 import gtpin
 from gtpin.calibration.result import Calibration
@@ -268,3 +268,36 @@ def test_the_gap_is_the_noise_s_whatever_is_left_out(tmp_path: Path, hold_out: s
     (own,) = found.gap.by_instrument
     assert found.verdict == "none"
     assert own.before == pytest.approx(np.sqrt(3.0) * SIGMA, rel=0.15)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("same_stops", [True, False])
+@pytest.mark.filterwarnings("ignore:.*covariates that only some tables have")
+def test_a_tilt_sensor_on_a_link_beside_it_has_no_stations_and_tells_of_the_geometry(
+    tmp_path: Path, same_stops: bool
+) -> None:
+    truth, rng = measured(tmp_path, 11, stations=5), np.random.default_rng(0)
+    model = pin.buildModelFromUrdf(str(truth.urdf))
+    for joint in range(1, 7):
+        model.jointPlacements[joint] = model.jointPlacements[joint] * pin.exp6(truth.errors[joint - 1])
+    data, tilts = model.createData(), np.empty((len(truth.q), 2))
+    for i, row in enumerate(truth.q):
+        pin.framesForwardKinematics(model, data, row)
+        tilts[i] = data.oMf[model.getFrameId("link2")].rotation[2, :2] + rng.normal(0.0, 5e-5, 2)
+    level = {name: truth.columns[name] for name in ("pose", *(f"q{j}" for j in range(1, 7)))}
+    level |= {"tilt_x": list(tilts[:, 0]), "tilt_y": list(tilts[:, 1])}
+    if not same_stops:
+        level["pose"] = [f"t{i}" for i in range(len(tilts))]
+    instruments = [
+        {"name": "laser", "kind": "tracker", "stations": "session", "position_sigma": SIGMA},
+        {"name": "level", "kind": "tilt", "link": "link2", "sigma": 5e-5},
+    ]
+    toml = {"schema": "gtpin-dataset/2", "robot": str(truth.urdf), "instrument": instruments}
+    both = calibrated(written(tmp_path / "both", toml, {"laser": truth.columns, "level": level}))
+    alone = calibrated(truth.write(tmp_path / "alone"))
+    at = [both.names.index(name) for name in PLACEMENTS]
+    off = truth.errors.ravel() - both.model.geometry.deviation[at]
+    assert off @ np.linalg.solve(both.covariance[np.ix_(at, at)], off) < chi2.isf(CHANCE, len(at))
+    shares = [both[name].sigma / alone[name].sigma for name in PLACEMENTS]
+    assert min(shares) < 0.9
+    assert max(shares) < 1.0 + 1e-6
