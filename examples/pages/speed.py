@@ -59,6 +59,8 @@ ROWS = {
     "test_61_poses_with_60_parameters_by_least_squares": "the same by `least_squares` with numerical derivatives",
     "test_200_poses": "calibration of 200 poses, 48 parameters",
     "test_a_million_rows_of_csv": "reading a million rows of CSV",
+    "test_the_version": "`gtpin --version`",
+    "test_the_help": "`gtpin --help`",
 }
 """Benchmarks, and how the page calls them."""
 ARM_ROWS = {
