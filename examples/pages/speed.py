@@ -4,8 +4,6 @@
     python examples/pages/speed.py --only benchmarks   # or arms, commands: the others stay as they are
     python examples/pages/speed.py --check    # measures the benchmarks anew, and compares their ratios with the record
 
-The row of FIGAROH is measured where FIGAROH is installed (``pip install figaroh``), else it stays as it is.
-
 All times are of CPU. They are a machine's; what the check compares are ratios of times in one run.
 """
 
@@ -46,10 +44,6 @@ ARM_RATIOS = {
         "test_an_arm_s_derivative_by_a_loop_of_pinocchio",
         "test_an_arm_s_derivative_by_its_placements",
     ),
-    "FIGAROH's regressor of 200 poses of an arm over gtpin's derivative": (
-        "test_an_arm_s_derivative_by_figaroh",
-        "test_an_arm_s_derivative_by_its_placements",
-    ),
 }
 ROWS = {
     "test_pinocchio_one_posture_after_the_other": "a closed posture by Pinocchio, from a neighbour within 50 mm a cart",
@@ -66,7 +60,6 @@ ROWS = {
 ARM_ROWS = {
     "test_an_arm_s_derivative_by_its_placements": "derivative of 200 poses by 42 parameters",
     "test_an_arm_s_derivative_by_a_loop_of_pinocchio": "the same pose by pose, by Pinocchio's regressor, 36 parameters",
-    "test_an_arm_s_derivative_by_figaroh": "the same by FIGAROH's kinematic regressor, 36 parameters",
     "test_an_arm_s_200_poses": "calibration of 200 poses, 42 parameters",
     "test_an_arm_s_200_poses_by_least_squares": "the same by `least_squares` with numerical derivatives",
     "test_an_arm_s_diagnosis_of_200_poses": "diagnosis of 200 poses",
@@ -187,7 +180,8 @@ def arm_command_table() -> str:
 
 
 def _cells(row: dict[str, float]) -> str:
-    return " | ".join(f"{row[f'{name}_s']:.2g} s, {row[f'{name}_gb']:.2f} GB" for name in ("calibrate", "diagnose"))
+    names = ("calibrate", "diagnose")
+    return " | ".join(f"{_two_digits(row[f'{name}_s'])} s, {row[f'{name}_gb']:.2f} GB" for name in names)
 
 
 def _record() -> dict[str, Any]:
@@ -197,8 +191,12 @@ def _record() -> dict[str, Any]:
 def _time(seconds: float) -> str:
     for unit, size in (("s", 1.0), ("ms", 1e-3)):
         if seconds >= size:
-            return f"{seconds / size:.2g} {unit}"
-    return f"{seconds / 1e-6:.2g} us"
+            return f"{_two_digits(seconds / size)} {unit}"
+    return f"{_two_digits(seconds / 1e-6)} us"
+
+
+def _two_digits(value: float) -> str:
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def check() -> None:

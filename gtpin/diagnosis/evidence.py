@@ -33,14 +33,12 @@ class Marginal:
         """Take the (m, p) whitened derivative by the geometry, in units of the tolerances."""
         self.B = B
         self._factor = cho_factor(np.eye(B.shape[1]) + B.T @ B, lower=True)
+        self.absorbed = np.asarray(solve_triangular(self._factor[0], B.T, lower=True)).T
+        """(m, p) B L'^-1 with L L' = I + B'B."""
 
     def half(self, X: Floats) -> Floats:
         """(p, c) L^-1 B'X with L L' = I + B'B: the sums of its squares are the energy of X (m, c) that the geometry absorbs."""
-        return self.lower_solve(self.B.T @ X)
-
-    def lower_solve(self, BtX: Floats) -> Floats:
-        """(p, c) L^-1 times B'X (p, c), with L L' = I + B'B."""
-        return np.asarray(solve_triangular(self._factor[0], BtX, lower=True))
+        return np.asarray(self.absorbed.T @ X)
 
     def product(self, X: Floats, Z: Floats) -> Floats:
         """X' (I + B B')^-1 Z."""
