@@ -48,6 +48,7 @@ def diagnose_all(
     """
     places = dict(zip(_names(datasets), datasets, strict=True))
     check_cluster(cluster)
+    here = Path.cwd() if cluster else Path()  # a cluster's workers may be in another folder
     work = partial(_diagnosed, options=options, against=against, tcp=tcp, trust=trust, force=force)
     found: dict[str, dict[str, Any]] = {}
     with results_folder(output, FLEET, force=force, key=FLEET[0]) as folder:
@@ -58,7 +59,7 @@ def diagnose_all(
                 advance()
 
             def arguments(name: str) -> tuple[Path, Path]:
-                return places[name], output / name
+                return here / places[name], here / output / name
 
             with workers(cluster, jobs):
                 lost = spread(work, list(places), arguments, done)
