@@ -5,12 +5,15 @@ FIGAROH is compared with where it is installed: ``pip install figaroh``.
 
 from __future__ import annotations
 
+import sys
 import time
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
@@ -19,6 +22,10 @@ import gtpin
 from gtpin.bench.simulator.case import make_case
 from gtpin.data import Dataset
 from gtpin.kinematics.kinematics import Kinematics
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+import telescope_arm
 
 Floats = npt.NDArray[np.float64]
 pytestmark = pytest.mark.benchmark(group="arm", timer=time.process_time)
@@ -82,6 +89,37 @@ def test_an_arm_s_derivative_by_its_placements(benchmark: Any, measured: Dataset
     kinematics = Kinematics(gtpin.Geometry.nominal(gtpin.load_robot("ur5")))
     found = benchmark(lambda: kinematics.geometry_jacobian(measured.q, kinematics.forward(measured.q)))
     assert found.shape == (len(measured), 6, 42)
+
+
+def test_an_arm_s_derivative_by_a_loop_of_pinocchio(benchmark: Any, measured: Dataset) -> None:
+    robot = gtpin.load_robot("ur5")
+    model, frame = robot.model, robot.model.getFrameId(robot.tcp_frame)
+    data = model.createData()
+
+    def regressor() -> Floats:
+        found = np.empty((len(measured), 6, 6 * (model.njoints - 1)))
+        for row, q in enumerate(measured.q):
+            pin.computeJointJacobians(model, data, q)
+            pin.updateFramePlacements(model, data)
+            found[row] = pin.computeFrameKinematicRegressor(model, data, frame, pin.LOCAL)
+        return found
+
+    found = benchmark(regressor)
+    kinematics = Kinematics(gtpin.Geometry.nominal(robot))
+    poses = kinematics.forward(measured.q)
+    own = kinematics.geometry_jacobian(measured.q, poses)
+    # Its rows are in the axes of the TCP, and it has no columns of the tool.
+    np.testing.assert_allclose(np.hstack([poses.R @ found[:, :3], poses.R @ found[:, 3:]]), own[:, :, :36], atol=1e-12)
+
+
+def test_an_arm_s_diagnosis_of_440_poses(benchmark: Any, tmp_path: Path) -> None:
+    warnings.simplefilter("ignore")
+    one = telescope_arm.measured(2, 3.2e-3, 0.5, 2.0e-3)
+    ids, conditions = np.array([f"p{n}" for n in range(len(one.q))]), {"position_sigma": one.sigma, "frame": "free"}
+    urdf = str(telescope_arm.write(tmp_path))
+    dataset = Dataset(urdf, ids, one.q, one.position, None, {"time": one.time}, conditions)
+    found = benchmark.pedantic(gtpin.diagnose, args=(dataset,), rounds=1)
+    assert found.verdict == "unknown"
 
 
 def test_an_arm_s_derivative_by_figaroh(benchmark: Any, measured: Dataset) -> None:

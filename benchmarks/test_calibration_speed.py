@@ -17,7 +17,7 @@ from gtpin.paper.geometry import nominal_geometry
 from gtpin.paper.kinematics import kinematics_of
 
 Floats = npt.NDArray[np.float64]
-pytestmark = pytest.mark.benchmark(group="calibration", min_rounds=3)
+pytestmark = pytest.mark.benchmark(group="calibration", min_rounds=3, timer=time.process_time)
 
 
 def _simulated(robot: gtpin.Robot, poses: int) -> Simulation:

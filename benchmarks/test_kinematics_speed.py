@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -14,7 +15,7 @@ import gtpin
 from gtpin.kinematics.kinematics import Kinematics
 
 Floats = npt.NDArray[np.float64]
-pytestmark = pytest.mark.benchmark(group="postures", min_rounds=5)
+pytestmark = pytest.mark.benchmark(group="postures", min_rounds=5, timer=time.process_time)
 
 
 def test_fsolve_on_the_closures(benchmark: Any, by_fsolve: Callable[[Floats], Floats], neighbours: Floats) -> None:

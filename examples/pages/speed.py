@@ -1,12 +1,10 @@
 """The figures of docs/speed.md.
 
-    python examples/pages/speed.py            # measures them anew: minutes on a machine that does nothing else
-    python examples/pages/speed.py --arms     # measures those of arms anew, the others stay as they are
+    python examples/pages/speed.py            # measures them anew: a quarter of an hour of CPU time
+    python examples/pages/speed.py --only benchmarks   # or arms, commands: the others stay as they are
     python examples/pages/speed.py --check    # measures the benchmarks anew, and compares their ratios with the record
 
-The row of FIGAROH is measured where FIGAROH is installed (``pip install figaroh``), else it stays as it is.
-
-Absolute times are a machine's; what the check compares are ratios of times in one run.
+All times are of CPU. They are a machine's; what the check compares are ratios of times in one run.
 """
 
 from __future__ import annotations
@@ -42,8 +40,8 @@ ARM_RATIOS = {
         "test_an_arm_s_200_poses_by_least_squares",
         "test_an_arm_s_200_poses",
     ),
-    "FIGAROH's regressor of 200 poses of an arm over gtpin's derivative": (
-        "test_an_arm_s_derivative_by_figaroh",
+    "Pinocchio's regressor of 200 poses of an arm, pose by pose, over gtpin's derivative": (
+        "test_an_arm_s_derivative_by_a_loop_of_pinocchio",
         "test_an_arm_s_derivative_by_its_placements",
     ),
 }
@@ -55,14 +53,17 @@ ROWS = {
     "test_61_poses_with_60_parameters_by_least_squares": "the same by `least_squares` with numerical derivatives",
     "test_200_poses": "calibration of 200 poses, 48 parameters",
     "test_a_million_rows_of_csv": "reading a million rows of CSV",
+    "test_the_version": "`gtpin --version`",
+    "test_the_help": "`gtpin --help`",
 }
 """Benchmarks, and how the page calls them."""
 ARM_ROWS = {
     "test_an_arm_s_derivative_by_its_placements": "derivative of 200 poses by 42 parameters",
-    "test_an_arm_s_derivative_by_figaroh": "the same by FIGAROH's kinematic regressor, 36 parameters",
+    "test_an_arm_s_derivative_by_a_loop_of_pinocchio": "the same pose by pose, by Pinocchio's regressor, 36 parameters",
     "test_an_arm_s_200_poses": "calibration of 200 poses, 42 parameters",
     "test_an_arm_s_200_poses_by_least_squares": "the same by `least_squares` with numerical derivatives",
     "test_an_arm_s_diagnosis_of_200_poses": "diagnosis of 200 poses",
+    "test_an_arm_s_diagnosis_of_440_poses": "diagnosis of 440 poses of an arm on a telescope; something stays unknown",
     "test_an_arm_s_16_800_poses": "calibration of 16,800 poses",
     "test_an_arm_s_diagnosis_of_16_800_poses": "diagnosis of 16,800 poses",
 }
@@ -86,12 +87,12 @@ COMMANDS = (1_000, 10_000, 100_000, 1_000_000)
 """Poses of the datasets on which whole commands are measured; a tenth is visited twice."""
 
 
-def benchmarks(where: str = "benchmarks") -> dict[str, float]:
+def benchmarks() -> dict[str, float]:
     """Median seconds by benchmark; of one posture where it is of many."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "benchmarks.json"
         options = ["-q", "-p", "no:xdist", "-o", "addopts=", f"--benchmark-json={file}"]
-        command = [sys.executable, "-m", "pytest", where, *options]
+        command = [sys.executable, "-m", "pytest", "benchmarks", *options]
         subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
         found = json.loads(file.read_text(encoding="utf-8"))["benchmarks"]
     return {b["name"]: b["stats"]["median"] / b["extra_info"].get("postures", 1) for b in found}
@@ -179,7 +180,8 @@ def arm_command_table() -> str:
 
 
 def _cells(row: dict[str, float]) -> str:
-    return " | ".join(f"{row[f'{name}_s']:.2g} s, {row[f'{name}_gb']:.2f} GB" for name in ("calibrate", "diagnose"))
+    names = ("calibrate", "diagnose")
+    return " | ".join(f"{_two_digits(row[f'{name}_s'])} s, {row[f'{name}_gb']:.2f} GB" for name in names)
 
 
 def _record() -> dict[str, Any]:
@@ -189,8 +191,12 @@ def _record() -> dict[str, Any]:
 def _time(seconds: float) -> str:
     for unit, size in (("s", 1.0), ("ms", 1e-3)):
         if seconds >= size:
-            return f"{seconds / size:.2g} {unit}"
-    return f"{seconds / 1e-6:.2g} us"
+            return f"{_two_digits(seconds / size)} {unit}"
+    return f"{_two_digits(seconds / 1e-6)} us"
+
+
+def _two_digits(value: float) -> str:
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def check() -> None:
@@ -200,12 +206,17 @@ def check() -> None:
     sys.exit(f"changed by more than a factor of {FACTOR:g}: {', '.join(off)}" if off else 0)
 
 
-def measure(only_arms: bool) -> None:
-    """Write what was measured into the record."""
+PARTS = ("benchmarks", "arms", "commands")
+
+
+def measure(parts: Collection[str] = PARTS) -> None:
+    """Write what was measured into the record; parts that are not named stay as they are."""
     record = _record()
-    record["benchmarks"] |= benchmarks("benchmarks/test_arm_speed.py" if only_arms else "benchmarks")
-    record["arm_commands"] = arms()
-    if not only_arms:
+    if "benchmarks" in parts:
+        record["benchmarks"] |= benchmarks()
+    if "arms" in parts:
+        record["arm_commands"] = arms()
+    if "commands" in parts:
         record["commands"] = commands()
     RECORD.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
@@ -214,4 +225,4 @@ if __name__ == "__main__":
     if "--check" in sys.argv[1:]:
         check()
     else:
-        measure("--arms" in sys.argv[1:])
+        measure([part for part in PARTS if part in sys.argv[1:]] or PARTS)

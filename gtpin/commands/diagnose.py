@@ -8,10 +8,10 @@ from typing import Annotated, Any
 
 import typer
 
+from gtpin.commands.fleet import diagnose_all
 from gtpin.commands.terminal import (
     DONE,
     AsJson,
-    DatasetFolder,
     Force,
     Number,
     Output,
@@ -32,7 +32,12 @@ from gtpin.report.diagnosis import DIAGNOSIS
 
 
 def diagnose(
-    dataset: DatasetFolder,
+    datasets: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DATASET...", help="Folder that holds dataset.toml and poses.csv; or several, for a table."
+        ),
+    ],
     output: Output,
     exclude: Annotated[
         list[str] | None,
@@ -68,6 +73,10 @@ def diagnose(
     seed: Seed = 0,
     poses: Number = None,
     trust_data: TrustData = False,
+    jobs: Annotated[int, typer.Option(help="Several datasets: number of processes.", min=1)] = 1,
+    cluster: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Several datasets: a dask scheduler, as tcp://host:8786.")
+    ] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -75,27 +84,31 @@ def diagnose(
     _refuse_alone(against is not None and tcp is not None, "--tcp", "the model has its own")
     _refuse_alone(against is not None and hold_out != "region", "--hold-out", "each pose is left out in turn")
     _refuse_alone(against is None and history is not None, "--history", "it needs --against MODEL")
+    options: dict[str, Any] = {
+        "exclude": exclude or (),
+        "false_alarm": false_alarm,
+        "hold_out": hold_out,
+        "seed": seed,
+        "poses": poses,
+        "why": why,
+    }
+    if len(datasets) > 1:
+        _refuse_alone(history is not None, "--history", "it is of one machine: add its checks one after the other")
+        places: dict[str, Any] = {"against": against, "tcp": tcp, "trust": trust_data, "force": force}
+        diagnose_all(datasets, output, options, jobs=jobs, cluster=cluster, as_json=as_json, **places)
+        return
+    _refuse_alone(jobs > 1 or cluster is not None, "--jobs or --cluster", "there is one dataset")
     with ExitStack() as stack:
         log: Any = None
         if history is not None:
             log = stack.enter_context(extension("gtpin.options", "history")(history, force=force))
         take = stack.enter_context(result_in(output, DIAGNOSIS, force=force, as_json=as_json))
         earlier: Any = None if against is None else read_model(against)
-        read = read_dataset(dataset, tcp, trust=trust_data)
+        read = read_dataset(datasets[0], tcp, trust=trust_data)
         if log is not None:
             log.refuse_readings(read)
         with progress_of("diagnosing", DONE) if against is None else progress_of("checking") as progress:
-            found: Any = run_diagnosis(
-                read,
-                against=earlier,
-                exclude=exclude or (),
-                false_alarm=false_alarm,
-                hold_out=hold_out,
-                seed=seed,
-                poses=poses,
-                progress=progress,
-                why=why,
-            )
+            found: Any = run_diagnosis(read, against=earlier, progress=progress, **options)
         take(found)
         if log is not None:
             log.add(found)

@@ -33,14 +33,12 @@ class Marginal:
         """Take the (m, p) whitened derivative by the geometry, in units of the tolerances."""
         self.B = B
         self._factor = cho_factor(np.eye(B.shape[1]) + B.T @ B, lower=True)
+        self.absorbed = np.asarray(solve_triangular(self._factor[0], B.T, lower=True)).T
+        """(m, p) B L'^-1 with L L' = I + B'B."""
 
     def half(self, X: Floats) -> Floats:
         """(p, c) L^-1 B'X with L L' = I + B'B: the sums of its squares are the energy of X (m, c) that the geometry absorbs."""
-        return self.lower_solve(self.B.T @ X)
-
-    def lower_solve(self, BtX: Floats) -> Floats:
-        """(p, c) L^-1 times B'X (p, c), with L L' = I + B'B."""
-        return np.asarray(solve_triangular(self._factor[0], BtX, lower=True))
+        return np.asarray(self.absorbed.T @ X)
 
     def product(self, X: Floats, Z: Floats) -> Floats:
         """X' (I + B B')^-1 Z."""
@@ -113,7 +111,8 @@ class Groups(Generic[K]):
 
     def half(self, term: K) -> Floats:
         """(p, c) what the geometry absorbs of a group: :meth:`Marginal.half`."""
-        return np.hstack([self._half[part] for part in self.parts(term)])
+        parts = self.parts(term)
+        return self._half[term] if parts == (term,) else np.hstack([self._half[part] for part in parts])
 
     def width(self, term: K) -> int:
         """Number of a group's coefficients."""
@@ -121,13 +120,15 @@ class Groups(Generic[K]):
 
     def moment(self, term: K) -> Floats:
         """(c,) inner products of a group with the residual."""
-        return np.concatenate([self._moment[part] for part in self.parts(term)])
+        parts = self.parts(term)
+        return self._moment[term] if parts == (term,) else np.concatenate([self._moment[part] for part in parts])
 
     def block(self, a: K, b: K) -> Floats:
         """(c_a, c_b) inner products of two groups."""
         if (a, b) not in self._block:
             if a in self._parts or b in self._parts:
-                found = np.block([[self.block(one, other) for other in self.parts(b)] for one in self.parts(a)])
+                rows = [np.hstack([self.block(one, other) for other in self.parts(b)]) for one in self.parts(a)]
+                found = np.vstack(rows)  # np.block takes several times as long
             else:
                 found = self._columns[a].T @ self._columns[b] - self._half[a].T @ self._half[b]
             self._block[a, b], self._block[b, a] = found, found.T

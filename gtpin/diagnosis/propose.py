@@ -47,7 +47,7 @@ def propose(design: Design, scope: Scope, *, changes: bool = False) -> Hypothesi
         if basis is not None and not many:
             # Whether geometry or uncertainty of the model absorb nearly all even of many times the typical size.
             X = design.columns(basis) * scope.priors.large
-            if float(np.trace(marginal.product(X, X))) <= scope.priors.shows:
+            if float((X**2).sum() - (marginal.half(X) ** 2).sum()) <= scope.priors.shows:
                 framed = any(design.measured.rows.stations) and "session" in effect.covariates(at.robot, site)
                 reason = Untestable("uncertain" if changes else "stations" if framed else "absorbed")
         if reason:

@@ -87,7 +87,7 @@ class Scan:
         moved = effect.basis(design.operating_points, site, float(self.values[0])).command
         self._factor = None if moved is None else design.by_command[:, :, moved[0]]
         self._size = None if self._factor is None else np.sqrt((self._factor**2).sum(axis=1))
-        self._seen_y, self._seen_geometry = self._seen(design.y[:, None]), self._seen(self.marginal.B)
+        self._seen_y, self._seen_geometry = self._seen(design.y[:, None]), self._seen(self.marginal.absorbed)
         self._with_groups: dict[Hashable, Floats] = {}
         self._seen_groups: dict[Hashable, Floats] = {}
         self._together: tuple[tuple[Hashable, ...], Floats, Floats] | None = None
@@ -107,7 +107,7 @@ class Scan:
     def _products(self, displacements: Floats) -> _InnerProducts:
         count, width, size = displacements.shape
         flat = displacements.reshape(-1, size)
-        halves = self.marginal.lower_solve((flat @ self._seen_geometry).T)
+        halves = (flat @ self._seen_geometry).T
         sized = displacements if self._size is None else displacements * self._size
         absorbed = halves.T.reshape(count, width, -1)
         grams = sized @ sized.transpose(0, 2, 1) - absorbed @ absorbed.transpose(0, 2, 1)

@@ -408,11 +408,11 @@ def _extend(
             if hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
                 break
         else:
-            larger = with_lines_reestimated(hypotheses, model)
-            if not hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
-                larger = _with_lines_instead(
-                    hypotheses, model
-                )  # the most costly step: only of a model whose lines are final
+            larger, again = model, with_lines_reestimated(hypotheses, model)
+            while hypotheses.log_posterior(again) > hypotheses.log_posterior(larger) + 1e-9:
+                larger, again = again, with_lines_reestimated(hypotheses, again)
+            if larger is model:  # the lines are final: the most costly step comes last
+                larger = _with_lines_instead(hypotheses, model)
             if not hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
                 break
         model = larger

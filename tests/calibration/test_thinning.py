@@ -13,7 +13,6 @@ from gtpin.model.measured_robot import robot_of
 from gtpin.model.model import Model
 from gtpin.paper.geometry import nominal_geometry
 
-
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.GtpinWarning")
 
 

@@ -21,6 +21,7 @@ SAMPLES = Path(__file__).parents[3] / "shared" / "samples"
 KEYS = {"schema", "verdict", "causes", "candidates", "where", "gap", "unexplained", "next_experiment"} | {
     "warnings",
     "also",
+    "rows",
 }
 
 

@@ -22,7 +22,7 @@ PACKAGE = Path(gtpin.__file__).parent
 LAYERS = (
     ("errors", "typing", "distributions", "estimate", "read_only"),
     ("real",),
-    ("memory", "threads", "references", "extensions"),
+    ("memory", "threads", "references", "extensions", "spread"),
     ("output",),
     ("data",),
     ("robot",),

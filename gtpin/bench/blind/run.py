@@ -16,12 +16,12 @@ from gtpin.bench.blind.folder import CheckFolder, Settings, claimed, diagnosis_d
 from gtpin.bench.blind.judge import judge
 from gtpin.bench.blind.judged import Judged
 from gtpin.bench.blind.others import given, source_digest, take_in
-from gtpin.bench.blind.spread import check_cluster, spread, workers
 from gtpin.bench.blind.truth import SealError, Truth, digest_of, files_of, opened, read_manifest, seal, write_manifest
 from gtpin.bench.blind.worker import Outcome, diagnose_alone
 from gtpin.bench.simulator.instruments.build import checked
 from gtpin.bench.simulator.recipe import digest as plant_digest
 from gtpin.errors import GtpinError, warn
+from gtpin.spread import check_cluster, spread, workers
 from gtpin.threads import in_one_thread
 
 TAKEN_OUT = 2

@@ -14,9 +14,9 @@ import gtpin.bench.blind.run
 from gtpin.bench.blind.folder import CheckFolder
 from gtpin.bench.blind.run import check_given
 from gtpin.bench.blind.score import score
-from gtpin.bench.blind.spread import spread, workers
 from gtpin.bench.blind.worker import diagnose_alone
 from gtpin.errors import GtpinError
+from gtpin.spread import spread, workers
 
 PACKAGE = Path(__file__).parents[3] / "gtpin"
 
@@ -76,7 +76,7 @@ def test_a_worker_is_given_the_datasets_files_alone(
 
 @pytest.mark.slow
 def test_a_process_that_dies_costs_its_own_case_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gtpin.bench.blind.spread.processes", lambda: 2)
+    monkeypatch.setattr("gtpin.spread.processes", lambda: 2)
     monkeypatch.setattr(gtpin.bench.blind.run, "diagnose_alone", dying)
     folder, watch = CheckFolder(tmp_path), Quiet()
     (tmp_path / "diagnoses").mkdir()
@@ -97,7 +97,7 @@ KILLED = """
 import os, sys, time
 from gtpin.bench.blind.run import check_given
 from gtpin.bench.blind.score import score
-from gtpin.bench.blind.spread import spread, workers
+from gtpin.spread import spread, workers
 from probes import waiting
 
 with workers():
@@ -154,7 +154,7 @@ def test_a_cluster_gives_the_same_score(cases: Path, tmp_path: Path) -> None:
 @OF_DASK
 def test_a_scheduler_that_does_not_answer_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr("gtpin.bench.blind.spread.CONNECT", 1)
+    monkeypatch.setattr("gtpin.spread.CONNECT", 1)
     for address in ("tcp://127.0.0.1:9", "nonsense"):
         with pytest.raises(GtpinError, match="no dask scheduler at"), workers(address):
             spread(canned, [], lambda _: (), lambda *_: None)

@@ -30,8 +30,10 @@ def processes() -> int:
 
 
 @contextmanager
-def workers(cluster: str | None = None) -> Iterator[None]:
+def workers(cluster: str | None = None, jobs: int | None = None) -> Iterator[None]:
     """Context for parallel work: new processes of this machine, or the workers of a cluster, by its scheduler's address.
+
+    ``jobs``: number of the processes, by default :func:`processes`; with 1 the work is done in this process.
 
     Raises GtpinError if dask is not installed, no scheduler answers, or it has no workers.
     """
@@ -40,7 +42,7 @@ def workers(cluster: str | None = None) -> Iterator[None]:
             yield
         return
     try:
-        with parallel_config(backend="loky", n_jobs=processes()):
+        with parallel_config(backend="loky", n_jobs=jobs or processes()):
             yield
     finally:  # the next work gets new processes without data of this one
         get_reusable_executor().shutdown(wait=True, kill_workers=True)
