@@ -83,7 +83,7 @@ covariates = {payloads = [0.0, 1.0, 2.0], sessions = 2}
 seed = 5
 """
 """An arm that has much to find, in all columns: five causes, frame, target and noise unknown."""
-COMMANDS = (1_000, 10_000, 100_000, 1_000_000)
+COMMANDS = (1_000, 10_000, 100_000)
 """Poses of the datasets on which whole commands are measured; a tenth is visited twice."""
 
 

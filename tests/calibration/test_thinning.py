@@ -7,6 +7,7 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator.case import make_case
+from gtpin.calibration.robust_fit import EXPECTED
 from gtpin.calibration.thinning import VISITS, gains, thinned
 from gtpin.data import Dataset
 from gtpin.model.measured_robot import robot_of
@@ -80,3 +81,13 @@ def test_a_diagnosis_of_some_poses_names_what_that_of_all_names() -> None:
     assert [(cause.effect, cause.site) for cause in found.causes] == [("linearity", "cart2")]
     assert found.to_json()["rows"] == {"used": len(found.dataset), "of": len(whole)}
     assert len(set(found.dataset.pose)) == 400
+
+
+def test_memory_and_time_are_told_before_the_first_step_of_very_many_poses(monkeypatch: pytest.MonkeyPatch) -> None:
+    few = make_case(11, robot="ur5", effects=[], poses=60).dataset
+    steps: list[str] = []
+    monkeypatch.setattr("gtpin.calibration.calibrate.MANY", len(few))
+    gtpin.calibrate(few, progress=lambda step, number, rms: steps.append(step))
+    assert steps[0].startswith(f"{EXPECTED} 80 MB of memory and ")
+    assert f"min for {len(few)} poses" in steps[0]
+    assert not any(step.startswith(EXPECTED) for step in steps[1:])
