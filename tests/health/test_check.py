@@ -31,6 +31,7 @@ KEYS = {
     "next_experiment",
     "warnings",
     "also",
+    "rows",
 }
 
 
