@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import typer
 
-from gtpin.commands.fleet import diagnose_all
 from gtpin.commands.terminal import (
     DONE,
     AsJson,
@@ -94,6 +93,8 @@ def diagnose(
     }
     if len(datasets) > 1:
         _refuse_alone(history is not None, "--history", "it is of one machine: add its checks one after the other")
+        from gtpin.commands.fleet import diagnose_all  # imports joblib
+
         places: dict[str, Any] = {"against": against, "tcp": tcp, "trust": trust_data, "force": force}
         diagnose_all(datasets, output, options, jobs=jobs, cluster=cluster, as_json=as_json, **places)
         return
