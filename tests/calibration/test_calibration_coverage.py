@@ -46,6 +46,7 @@ def assert_held_out(found):
     assert_chi2(total, 6 * len(found.machines))
 
 
+@pytest.mark.study
 def test_positions_alone_are_covered_as_well():
     found = study(lambda rng: case(rng, 80, orientation=False), 60)
     found.assert_covers()
@@ -58,6 +59,7 @@ def test_positions_alone_are_covered_as_well():
 
 
 @pytest.mark.parametrize("orientation", [True, False], ids=["poses", "positions"])
+@pytest.mark.study
 def test_an_instrument_that_stands_anywhere_is_covered_as_well(orientation):
     found = study(lambda rng: case(rng, 80, free=True, orientation=orientation), 60)
     found.assert_covers()

@@ -38,6 +38,7 @@ def peak(dataset):
 
 
 @pytest.mark.slow
+@pytest.mark.study
 def test_memory_grows_by_no_more_than_what_is_said_for_each_pose(robot):
     many = simulate(robot, "gantry_tau", poses=40_000, seed=1).dataset
     few = many.take(np.arange(len(many) // 2))
@@ -48,6 +49,7 @@ def test_memory_grows_by_no_more_than_what_is_said_for_each_pose(robot):
 
 @pytest.mark.slow
 @linux
+@pytest.mark.study
 def test_what_is_said_beforehand_is_what_a_process_takes(robot, tmp_path):
     simulate(robot, "gantry_tau", poses=60_000, seed=2).dataset.write(tmp_path / "data")
     program = (

@@ -166,6 +166,7 @@ def test_a_station_tells_noise_along_the_line_of_sight_from_noise_across_it(rati
 
 @pytest.mark.slow
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
+@pytest.mark.study
 def test_heavy_tails_spoil_neither_values_nor_intervals(declared):
     def make(rng):
         machine = draw(rng)

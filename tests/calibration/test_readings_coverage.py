@@ -66,6 +66,7 @@ def test_known_distances_are_told_with_the_sigma_that_was_declared_and_not_with_
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.study
 def test_values_and_unknowns_of_the_instruments_are_covered_and_unbiased_and_nothing_else_is_claimed(kind):
     found = of_kind(kind)
     # The pooled share has a spread of 0.005 or less over 50 machines, so that 0.02 is 4 of it.

@@ -251,6 +251,7 @@ GAUGE = bed(MACHINE.gantry, np.random.default_rng(23), 80, heights=True, near=1e
         (1e-3, "heights look a thousand times too small"),
     ],
 )
+@pytest.mark.study
 def test_sign_and_unit_of_heights_that_are_smaller_than_the_robot_s_errors_are_named(tmp_path, factor, words, declared):
     gauge = GAUGE if declared else GAUGE.saying(sigma=None)
     assert warned(tmp_path, gauge)[0].by_instrument[0].after < 2e-5

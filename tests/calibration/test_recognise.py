@@ -131,6 +131,7 @@ def refusal(data):
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ["gantry_tau", "stewart"])
 @pytest.mark.parametrize("mistake", MISTAKES)
+@pytest.mark.study
 def test_a_mistake_is_refused_by_its_name(robot, mistake):
     spoil, words = MISTAKES[mistake]
     assert words in refusal(spoil(machine(robot, 611)))
@@ -139,6 +140,7 @@ def test_a_mistake_is_refused_by_its_name(robot, mistake):
 @pytest.mark.slow
 @pytest.mark.parametrize("mistake", ["inches", "z in millimetres", "q1 reversed"])
 @pytest.mark.parametrize("frame", ["robot", "free"])
+@pytest.mark.study
 def test_it_is_recognised_in_positions_of_an_instrument_elsewhere_too(mistake, frame):
     spoil, words = MISTAKES[mistake]
     data = spoil(replace(elsewhere(machine("gantry_tau", 612), 612, frame), orientation=None))
@@ -149,6 +151,7 @@ def test_it_is_recognised_in_positions_of_an_instrument_elsewhere_too(mistake, f
 
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ["gantry_tau", "tau", "gantry_tau_6dof", "stewart", "linear_delta"])
+@pytest.mark.study
 def test_an_instrument_elsewhere_is_recognised(robot):
     data = elsewhere(machine(robot, 613), 613, "robot")
     assert 'set frame = "free" under [instrument]' in (found(robot, data) or "")
@@ -158,6 +161,7 @@ def test_an_instrument_elsewhere_is_recognised(robot):
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ["gantry_tau", "gantry_tau_6dof", "stewart", "linear_delta"])
 @pytest.mark.parametrize("orientations", [True, False])
+@pytest.mark.study
 def test_a_metre_along_x_may_always_be_another_frame(robot, orientations):
     data = machine(robot, 616)
     data = replace(data, position=data.position + np.array([1.0, 0.0, 0.0]))

@@ -54,6 +54,7 @@ def off(effect: str, site: str, machine: int) -> dict[str, float]:
         ("encoder_scale", "cart1", "scale"),
     ],
 )
+@pytest.mark.study
 def test_parameters_are_not_biased_and_95_percent_intervals_cover(effect: str, site: str, parameter: str) -> None:
     z = np.array([off(effect, site, machine)[parameter] for machine in range(MACHINES)])
     assert abs(z.mean()) < 3.0 / np.sqrt(MACHINES)  # of independent errors of one sigma

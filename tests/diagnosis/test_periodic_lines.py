@@ -120,6 +120,7 @@ def rough(q: Floats, length: float, size: float, rng: np.random.Generator) -> Fl
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
+@pytest.mark.study
 def test_rough_errors_without_a_period_are_no_certain_periodic_errors(seed: int) -> None:
     rng = np.random.default_rng(seed)
     robot = gtpin.load_robot("ur5")
@@ -136,6 +137,7 @@ def test_rough_errors_without_a_period_are_no_certain_periodic_errors(seed: int)
 
 
 @pytest.mark.slow
+@pytest.mark.study
 def test_a_line_at_few_commands_that_are_visited_often_is_named() -> None:
     rng = np.random.default_rng(2)
     robot = gtpin.load_robot("ur5")

@@ -173,6 +173,7 @@ def test_the_stored_table_covers(by_script: object) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.study
 def test_said_and_realised_agree_on_machines_of_todays_code(by_script: object) -> None:
     """Six machines; more than two of them outside of 95 % come about twice in a thousand."""
     found = [by_script.machine(seed) for seed in range(1000, 1006)]  # type: ignore[attr-defined]

@@ -42,6 +42,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", TRIES)
+@pytest.mark.study
 def test_damaged_files_end_in_a_result_or_in_one_line(sound: Path, tmp_path: Path, kind: str) -> None:
     commands = [command for command in COMMANDS if command.line.startswith(kind)]
 

@@ -99,6 +99,7 @@ def test_a_change_of_three_tenths_of_a_millimetre_is_measured_to_its_sigma():
 
 
 @pytest.mark.slow
+@pytest.mark.study
 def test_machines_without_a_change_raise_no_more_alarms_than_chance_allows():
     alarms, checks = 0, 0
     for seed in (24, 25, 26):
@@ -279,6 +280,7 @@ def test_the_json_is_that_of_a_diagnosis_with_one_key_more():
 
 
 @pytest.mark.slow
+@pytest.mark.study
 def test_the_smallest_change_is_found_with_its_power_on_machines_drawn_from_the_model():
     """The machine is drawn from the model's covariance, and measured by the exact closures and noise of the test's own."""
     case, model = machine(22)

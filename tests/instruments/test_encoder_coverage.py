@@ -42,6 +42,7 @@ def studied() -> Study:
         return study(make, MACHINES, 15)
 
 
+@pytest.mark.study
 def test_intervals_of_95_percent_cover_93_to_97_percent_and_what_is_learned_and_the_zeros_are_covered_too() -> None:
     found = studied()  # the tool's placement moves no encoder: it has no true deviation
     # Most of the 24 placements keep their priors and are independent draws: of 40 machines the share has a spread near

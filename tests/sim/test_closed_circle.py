@@ -34,6 +34,7 @@ SAID = 0.05
         ("ur5", "backlash@shoulder_lift_joint"),
     ],
 )
+@pytest.mark.study
 def test_the_circle_closes(robot: str, cause: str) -> None:
     pytest.importorskip("mujoco")
     (row,) = closed_circle.measured(robot=robot, cause=cause, seed=21)

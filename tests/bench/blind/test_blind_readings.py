@@ -172,6 +172,7 @@ def test_shrinkage_of_what_is_touched_is_realised_at_touches_that_were_not_in_th
 
 @pytest.mark.slow
 @pytest.mark.parametrize("instruments", [["plane"], ["socket"], ["range", "socket"]], ids="+".join)
+@pytest.mark.study
 def test_what_is_predicted_of_touches_is_what_a_calibration_would_miss(tmp_path: Path, instruments: list[str]) -> None:
     """With the touches of the data as its own commands, an instrument is predicted as the calibration's residuals are."""
     a_case(tmp_path, instruments)
@@ -199,6 +200,7 @@ def test_what_is_predicted_of_touches_is_what_a_calibration_would_miss(tmp_path:
     ("kind", "effect"),
     [("range", "backlash"), ("plane", "backlash"), ("socket", "backlash"), ("socket", "linearity")],
 )
+@pytest.mark.study
 def test_who_knows_the_cause_predicts_readings_better_than_the_geometry(tmp_path: Path, kind: str, effect: str) -> None:
     _, truth = a_case(tmp_path / "x", [kind], effect, 5, 120)
     outcome = diagnosed_by_geometry(tmp_path / "x")
