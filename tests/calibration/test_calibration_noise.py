@@ -84,6 +84,7 @@ def floors(found):
 
 
 @pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 44), marks=pytest.mark.slow)], ids=["4", "40"])
+@pytest.mark.study
 def test_noise_alone_is_never_more_than_all_poses_show(seeds):
     """Few visits suggest a repeatability by chance; the residuals of 100 poses do not."""
     for seed in seeds:
@@ -219,6 +220,7 @@ def gross_case(seed, wrong=5, count=120):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
+@pytest.mark.study
 def test_gross_errors_are_set_aside_by_name_and_nothing_else_is(declared):
     good_lost = 0
     runs = 8

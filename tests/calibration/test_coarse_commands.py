@@ -41,6 +41,7 @@ def test_steps_of_a_few_times_the_noise_are_named_in_rad_and_in_degrees(unit, st
 
 
 @pytest.mark.filterwarnings("default::gtpin.errors.GtpinWarning")
+@pytest.mark.study
 def test_exact_commands_on_a_grid_are_not_blamed_for_another_error(recwarn):
     data = machine("gantry_tau", 662)
     gridded = replace(data, q=np.round(data.q / 0.01) * 0.01)

@@ -171,6 +171,7 @@ def measured(
 @pytest.mark.filterwarnings("ignore:these poses do not determine where the target")
 @pytest.mark.parametrize("frame", ["robot", "free"])
 @pytest.mark.parametrize("robot", [ROBOT, TURNING], ids=["ur5", "one joint"])
+@pytest.mark.study
 def test_the_order_of_quaternions_is_recognised_with_a_free_target(
     robot: gtpin.Robot, frame: Literal["robot", "free"]
 ) -> None:

@@ -25,6 +25,7 @@ def in_sessions(data, moves, *, first=0):
 @pytest.mark.parametrize("robot", ["gantry_tau", "stewart"])
 @pytest.mark.parametrize("orientations", [True, False])
 @pytest.mark.parametrize("move", [0.03, 0.1, 1.0])
+@pytest.mark.study
 def test_sessions_between_which_a_free_frame_moved_are_named_with_how_far(robot, orientations, move):
     data = in_sessions(elsewhere(machine(robot, 641), 641, "free"), [0.0, 0.0, move])
     merged = np.where(data.covariates["session"] == "s2", "later", "earlier")
@@ -38,6 +39,7 @@ def test_sessions_between_which_a_free_frame_moved_are_named_with_how_far(robot,
 
 
 @pytest.mark.slow
+@pytest.mark.study
 def test_a_motion_of_a_centimetre_is_named_where_the_fit_fails():
     data = in_sessions(elsewhere(machine("gantry_tau", 2), 5, "free"), [0.0, 0.02])
     assert "the instrument moved between sessions" in refusal(data)

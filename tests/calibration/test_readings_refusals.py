@@ -247,6 +247,7 @@ def test_a_sigma_that_is_far_from_what_the_data_show_is_named(tmp_path, name):
 
 
 @pytest.mark.slow
+@pytest.mark.study
 def test_a_sigma_that_is_a_resolution_is_questioned_and_does_little_harm(tmp_path):
     with pytest.warns(GtpinWarning, match="or the declared sigma is too small"):
         found = gtpin.calibrate(read(tmp_path / "set", WIRE.saying(sigma=2e-7)))
@@ -269,6 +270,7 @@ OTHER_MISTAKES = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OTHER_MISTAKES)
+@pytest.mark.study
 def test_other_mistakes_are_refused_with_what_to_check(tmp_path, name):
     wrong, column, told = OTHER_MISTAKES[name]
     error = refused(tmp_path, wrong)

@@ -62,6 +62,7 @@ def test_the_expanded_uncertainty_covers_true_errors_of_new_poses_as_often_as_it
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+@pytest.mark.study
 def test_diagnosed_machines_are_covered_too():
     axes, radius = of_machines(8, 200).mean(axis=0)
     assert 0.93 <= axes <= 0.99

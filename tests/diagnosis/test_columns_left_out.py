@@ -80,6 +80,7 @@ def test_backlash_with_directions_of_other_rows_is_called_nothing_else() -> None
 
 
 @pytest.mark.slow
+@pytest.mark.study
 def test_commands_that_were_cut_off_name_no_cause() -> None:
     dataset = measured(8)
     cut = replace(dataset, q=np.trunc(dataset.q / 1e-4) * 1e-4, pose=np.arange(len(dataset)).astype(str).astype(object))

@@ -189,6 +189,7 @@ def differences(found: Any, step: float) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+@pytest.mark.study
 def test_the_derivative_of_an_arms_joint_fit_is_that_of_finite_differences(fits: list[Any]) -> None:
     gtpin.diagnose(make_case(31, effects=ARM, noncentrality=ENERGY, poses=80, robot="ur5").dataset)
     found = fits[-1]

@@ -21,6 +21,7 @@ MOST = 0.03
 """Measured on 200 machines: 1 alarm at 0.3, none at 0.05; this is the upper 95 % bound of 1 in 200."""
 
 
+@pytest.mark.study
 def test_noise_and_geometry_alone_raise_an_alarm_less_often_than_asked_for():
     observed, baseline = calibrated(poses=60)
     design = observed.design(baseline.model)

@@ -43,6 +43,7 @@ HIDDEN = [
 
 
 @pytest.mark.parametrize(("effect", "site", "without"), HIDDEN)
+@pytest.mark.study
 def test_no_other_cause_is_sure_where_what_the_true_one_goes_with_was_not_recorded(effect, site, without):
     found = said(machine(1, effect, site, without))
     assert all(c.probability < CONFIDENT for c in found.causes)
@@ -101,6 +102,7 @@ def test_a_speed_of_zero_rules_out_what_goes_with_speed():
     assert with_zero.causes[0].probability > without.causes[0].probability
 
 
+@pytest.mark.study
 def test_what_is_found_where_it_was_recorded_is_in_sight_where_it_was_not():
     truth, recorded = ("zero_shift", "cart3"), 0
     for seed in range(2, 5):

@@ -82,6 +82,7 @@ def test_noise_that_was_not_declared_is_an_assumption_unless_visits_show_it(visi
 
 
 @pytest.mark.parametrize(("robot", "size"), [("ur5", 3.0), ("gantry_tau", 6.0)])
+@pytest.mark.study
 def test_an_error_of_one_station_is_no_noise(robot: str, size: float, tmp_path: Path) -> None:
     simulate_measured(gtpin.load_robot(robot), robot, ["range"], poses=120, seed=7, held_out=1).write_dataset(
         tmp_path / "d"

@@ -18,6 +18,7 @@ NEEDS = {"export_to_mujoco": "mujoco", "machine_in_mujoco": "mujoco", "machines_
 
 @pytest.mark.slow
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+@pytest.mark.study
 def test_an_example_runs_and_tells_something(example: Path, tmp_path: Path) -> None:
     if example.stem in NEEDS:
         pytest.importorskip(NEEDS[example.stem])

@@ -206,6 +206,7 @@ def test_a_dataset_that_was_changed_is_not_frozen_and_answers_are_frozen_once(tm
 
 
 @pytest.mark.slow
+@pytest.mark.study
 def test_what_a_blind_check_wrote_is_frozen_and_differs_in_nothing(tmp_path, run) -> None:
     assert (
         CliRunner().invoke(app, ["blind", "-o", str(tmp_path / "mine"), "--cases", "1", "--seed", "3"]).exit_code == 0

@@ -111,6 +111,7 @@ def test_firmwares_do_what_the_tables_say(folder: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("file", READERS)
 @pytest.mark.parametrize("dimensions", [True, False])
+@pytest.mark.study
 def test_a_delta_is_as_near_as_the_command_says(
     printer: gtpin.Model, folder: Path, file: str, dimensions: bool
 ) -> None:
@@ -157,6 +158,7 @@ def test_each_temperature_has_tables_of_its_own(printer: gtpin.Model, folder: Pa
 
 
 @pytest.mark.slow
+@pytest.mark.study
 def test_temperatures_are_whole_degrees(printer: gtpin.Model, folder: Path) -> None:
     """Klipper takes GTPIN_22C and GTPIN_22_5 for the command GTPIN_22 (docs/Command_Templates.md)."""
     for temperature in (22.5, -3.0):
@@ -185,6 +187,7 @@ def test_a_gantry_tau_has_tables_beside_its_own_kinematics(drawn_of: Callable[[s
 
 
 @pytest.mark.slow
+@pytest.mark.study
 def test_a_controller_with_the_calibrated_geometry_is_left_with_the_effects(printer: gtpin.Model, folder: Path) -> None:
     calibrated = replace(printer, effects=())
     words = told(printer, folder / "gtpin.cfg", controller=calibrated, box=BOX)
@@ -210,6 +213,7 @@ def test_what_is_left_of_each_part_is_named(printer: gtpin.Model, folder: Path) 
 
 
 @pytest.mark.slow
+@pytest.mark.study
 def test_importers_read_the_tables_back(printer: gtpin.Model, folder: Path) -> None:
     for file in READERS:
         assert told(printer, folder / file, box=BOX)

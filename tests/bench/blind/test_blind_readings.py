@@ -147,6 +147,7 @@ def test_d_stays_open_where_an_encoder_reads_and_the_rest_is_judged(tmp_path: Pa
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "name"), [("plane", "bed"), ("socket", "cup")])
+@pytest.mark.study
 def test_shrinkage_of_what_is_touched_is_realised_at_touches_that_were_not_in_the_data(
     tmp_path: Path, kind: str, name: str
 ) -> None:

@@ -266,6 +266,7 @@ def machines(here: None, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("machines")
+@pytest.mark.study
 def test_a_check_of_other_instruments_is_a_check_of_its_own_and_can_be_scored_again(tmp_path: Path) -> None:
     first = check(tmp_path / "out", 2, 0, Quiet(), instruments=["tilt", "range"])
     assert [case.single.effect for case in first.cases] == ["backlash", "backlash"]
