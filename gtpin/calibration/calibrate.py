@@ -45,8 +45,8 @@ from gtpin.typing import Floats, Indices, Mask
 
 FIXED = 80e6
 """Bytes of memory that a calibration needs for any number of poses: chunks of them, and a part that is fitted first."""
-PER_POSE = 2000.0
-"""Bytes of memory that it needs for each pose, in addition to the dataset. Measured: 1,893 of a Gantry-Tau, whose
+PER_POSE = 1900.0
+"""Bytes of memory that it needs for each pose, in addition to the dataset. Measured: 1,870 of a Gantry-Tau, whose
 configurations have 22 numbers (docs/speed.md)."""
 FEWEST = 1.0
 """Fewest degrees of freedom (measured numbers less the effective number of parameters) of a fit: with less, nothing could be

@@ -64,7 +64,7 @@ class Tracker(OfTargets):
 
     def _stations(self) -> list[str]:
         """Places in the names of the free frames: ``[S1]``; sets ``of_frame``, (M,) the frame of each row."""
-        self.of_frame: Indices = np.zeros(self.read.count, dtype=np.intp)
+        self.of_frame: Indices = np.broadcast_to(np.intp(0), self.read.count)  # of many rows no more memory than of one
         if self.table.stations is None:
             return [""] if self.table.frame == "free" else []
         names, sessions = self.read.known.get("session", ()), self.read.ids.get("session")
@@ -75,7 +75,7 @@ class Tracker(OfTargets):
         for i, session in enumerate(sessions):
             if session not in place:
                 raise RowError(i, f"no frame is known of a station in session {session}", "session", hint)
-        self.of_frame[:] = [place[session] for session in sessions]
+        self.of_frame = np.array([place[session] for session in sessions], dtype=np.intp)
         return [f"[{name}]" for name in names]
 
     @property
