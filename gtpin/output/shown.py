@@ -20,21 +20,7 @@ ROWS = 12
 
 
 class Presentation(ABC):
-    """The display of a result; ``gtpin/report`` has one for each kind of result.
-
-    ``files``: names of what :meth:`write` writes into a folder, for results that can be saved.
-    """
-
-    files: ClassVar[tuple[str, ...]] = ()
-
-    def write(self, folder: Path) -> dict[str, object]:
-        """Write the result into a new folder; return what the command prints with ``--json``."""
-        raise NotImplementedError
-
-    def save(self, folder: Path, *, force: bool) -> None:
-        """Write the files of the result's command into a folder: see :func:`~gtpin.output.results.results_folder`."""
-        with results_folder(folder, self.files, force=force) as new:
-            self.write(new)
+    """The display of a result; ``gtpin/report`` has one for each kind of result."""
 
     @abstractmethod
     def short(self) -> str:
@@ -58,6 +44,21 @@ class Presentation(ABC):
         lines = "<br>".join([f"<b>{first}</b>", *others])
         table = self.table()
         return f"<p>{lines}</p>{table.to_html(max_rows=ROWS) if len(table) else ''}"
+
+
+class SavedPresentation(Presentation):
+    """The display of a result that can be saved; ``files``: names of what :meth:`write` writes into a folder."""
+
+    files: ClassVar[tuple[str, ...]] = ()
+
+    @abstractmethod
+    def write(self, folder: Path) -> dict[str, object]:
+        """Write the result into a new folder; return what the command prints with ``--json``."""
+
+    def save(self, folder: Path, *, force: bool) -> None:
+        """Write the files of the result's command into a folder: see :func:`~gtpin.output.results.results_folder`."""
+        with results_folder(folder, self.files, force=force) as new:
+            self.write(new)
 
 
 PRESENTATIONS = {

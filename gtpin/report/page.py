@@ -26,7 +26,7 @@ from rich.table import Table as Printed
 
 from gtpin.data import Dataset
 from gtpin.output.ownership import MARKER
-from gtpin.output.shown import Presentation
+from gtpin.output.shown import SavedPresentation
 from gtpin.report.figure import DARK, INK, LIGHT, LINE, Drawing, Plot, PlotChoice, Shared, alone, escaped, has_plotly
 from gtpin.report.words import typeset
 from gtpin.robot.chain import Chain
@@ -245,7 +245,7 @@ def as_text(*parts: RenderableType) -> str:
     return "\n".join(line.rstrip() for line in captured.get().splitlines()) + "\n"
 
 
-class PagePresentation(Presentation):
+class PagePresentation(SavedPresentation):
     """A result with a page, which its texts are made from too."""
 
     @property

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Group, RenderableType
 
 from gtpin.output.results import json_text
-from gtpin.output.shown import Presentation
+from gtpin.output.shown import SavedPresentation
 from gtpin.planning.plan import PosePlan, checked_first
 from gtpin.report.page import Table, as_text
 from gtpin.report.phrases import known_as
@@ -24,7 +24,7 @@ SHOWN = 12
 
 
 @dataclass(frozen=True)
-class PosePlanPresentation(Presentation):
+class PosePlanPresentation(SavedPresentation):
     """A plan; its table is that of its commands."""
 
     plan: PosePlan

@@ -5,6 +5,7 @@ Forces in the loops of a machine without rods act where the loops close.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -27,7 +28,7 @@ SLIDING = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class Postures:
+class Postures(ABC):
     """N postures of a machine of any kind, in the order of time."""
 
     # `machine`, `visits`: The machine, and its commands and conditions
@@ -64,9 +65,9 @@ class Postures:
         """The error (N,) of a drive: of a cart along its track, m, of an arm or a joint about its axis, rad, of a leg, m."""
         return self.off(travel=(cart, error))
 
+    @abstractmethod
     def grow(self, deviation: Deviation, link: int, growth: Floats) -> None:
         """Add the expansion of a link that is warmer by ``growth`` (N,), K."""
-        raise NotImplementedError
 
     @cached_property
     def motion(self) -> Floats:
