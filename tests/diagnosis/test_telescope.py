@@ -49,8 +49,7 @@ def test_column_and_base_are_in_a_class_and_neither_is_certain_where_the_other_d
 @pytest.mark.parametrize(("seed", "base"), DRAWS)
 def test_beside_the_unknown_the_leaders_are_told_with_what_they_leave(seed: int, base: float) -> None:
     found = said(seed, base)
-    if found.verdict != "unknown":
-        return
+    assert found.verdict == "unknown"  # the rough joints stay
     told = found.unexplained
     assert told.best_known is not None
     assert {COLUMN, BASE} & set(told.best_known.effects)
