@@ -45,7 +45,6 @@ SAME = 0.75
 
 
 @pytest.mark.parametrize("figure", figures.FIGURES, ids=lambda figure: figure.name)
-@pytest.mark.study
 def test_some_of_a_figures_records_are_measured_again_alike(figure: figures.Figure) -> None:
     if figure.name in NEEDS:
         pytest.importorskip(NEEDS[figure.name])
