@@ -12,8 +12,8 @@ from gtpin.commands.terminal import (
     AsJson,
     CartOrientation,
     DatasetFolder,
+    FewerPoses,
     Force,
-    Number,
     Output,
     Tcp,
     TrustData,
@@ -56,7 +56,7 @@ def calibrate(
         bool, typer.Option("--zeros", help="The zeros of the joints are parameters too: zero[JOINT].")
     ] = False,
     tcp: Tcp = None,
-    poses: Number = None,
+    poses: FewerPoses = None,
     trust_data: TrustData = False,
     force: Force = False,
     as_json: AsJson = False,

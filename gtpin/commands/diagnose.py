@@ -11,8 +11,8 @@ import typer
 from gtpin.commands.terminal import (
     DONE,
     AsJson,
+    FewerPoses,
     Force,
-    Number,
     Output,
     Seed,
     Tcp,
@@ -70,7 +70,7 @@ def diagnose(
         float, typer.Option(help="Probability of naming a cause if there is none.", min=1e-6, max=0.5)
     ] = FALSE_ALARM,
     seed: Seed = 0,
-    poses: Number = None,
+    poses: FewerPoses = None,
     trust_data: TrustData = False,
     jobs: Annotated[int, typer.Option(help="Several datasets: number of processes.", min=1)] = 1,
     cluster: Annotated[

@@ -79,7 +79,7 @@ def chosen(actuators: str, home: str) -> dict[str, Any]:
 TrustData = Annotated[
     bool, typer.Option("--trust-data", help="Checks for usual mistakes in the data only warn, and never refuse them.")
 ]
-Number = Annotated[
+FewerPoses = Annotated[
     int | None,
     typer.Option(
         "--poses", metavar="N", min=1, help="Use N of very many poses: a half at random, and the most telling."

@@ -435,12 +435,7 @@ def _scatter(context: Context) -> float:
     return float(np.median(noise.repeatability * moved / noise.each))
 
 
-OF_THE_SEARCH = (
-    flexible_families,
-    rounded_commands,
-    rows_in_two_groups,
-    worse_predictions,
-)
+OF_THE_SEARCH = (flexible_families, rounded_commands, rows_in_two_groups, worse_predictions)
 """Rules that need nothing but the search."""
 OF_THE_FIT = (impossible_parameters,)
 """Rules that need the causes' parameters, fitted together with the geometry."""
