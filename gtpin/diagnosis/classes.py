@@ -245,8 +245,8 @@ def with_shared_loads(hypotheses: HypothesisSet, model: Posterior[Term], classes
 
     Both together are compared with the cause alone. No machine follows an equation exactly, so what the second gains may be
     the first's departure; the prior odds against it are bounded by `imitation`, as those against what explains as much as the
-    cause. Each has half of the probability of both, but the cause, where it is likely as not alone or with the other, at least
-    0.5. Study: tests/diagnosis/test_telescope.py.
+    cause. The probability of both together is divided equally between them. A cause whose probability, alone and with the
+    other, is 0.5 or more keeps 0.5. Study: tests/diagnosis/test_telescope.py.
     """
     found, priors = dict(classes), hypotheses.priors
     for cause, members in classes.items():

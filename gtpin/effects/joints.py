@@ -102,9 +102,10 @@ class BearingCompliance(Effect):
     M, N m, is the moment on the joint. It is computed from statics: gravity of the links beyond the joint and of the payload,
     and the force on the tool. The unit vectors a and b are perpendicular to the joint's axis. The vectors are in the placement
     frame. Feet and bolts give way about axes of their own, which k_ab turns from a and b. The modulation: k_a and k_b depend on
-    the magnitude of the moment. At a joint that the base carries, the base may rock in the place of the bearing: about a
-    point between the joint and the origin of the base frame, and by more as it settles. Before the fit's first pose
-    and after its last, and where a prediction has no ``time``, it has settled as at the nearer of both, or as at the last.
+    the magnitude of the moment. At a joint that the base carries, the base may rock in place of the bearing, about a point
+    between the joint and the origin of the base frame. As it settles, its compliance changes from the first pose of the fit to
+    the last. A prediction for an earlier time has the compliance of the first pose; one for a later time, or without
+    ``time``, that of the last.
 
     Parameters: ``tilt``, the mean of k_a and k_b, positive where the bearing tilts in the direction of the moment;
     ``difference``, k_a less k_b; ``skew``, k_ab; ``stiffening``: by how much ``tilt`` increases when the moment becomes twice

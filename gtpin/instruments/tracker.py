@@ -64,7 +64,7 @@ class Tracker(OfTargets):
 
     def _stations(self) -> list[str]:
         """Places in the names of the free frames: ``[S1]``; sets ``of_frame``, (M,) the frame of each row."""
-        self.of_frame: Indices = np.broadcast_to(np.intp(0), self.read.count)  # of many rows no more memory than of one
+        self.of_frame: Indices = np.broadcast_to(np.intp(0), self.read.count)  # one number for all rows
         if self.table.stations is None:
             return [""] if self.table.frame == "free" else []
         names, sessions = self.read.known.get("session", ()), self.read.ids.get("session")
