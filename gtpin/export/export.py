@@ -127,7 +127,8 @@ def _parallel_robots(model: Model, file: Path, session: str | None, tables: Tabl
 
 
 def _diff(model: Model, file: Path, session: str | None, tables: TablesFor) -> Export:
-    robot, after = model.robot.description, replace(model, geometry=model.geometry.at_tool())
+    robot = model.robot.description
+    after = replace(model, geometry=model.geometry.at_tool(), instruments=())  # without links that the file has not
     if robot.kind != "urdf":
         raise RobotError(f"{robot.name} was read from an MJCF, which has no origins", hint="write its URDF or MJCF")
     text = changed_origins(robot.xml, calibrated_urdf(after), f"{robot.name}.urdf")

@@ -212,14 +212,17 @@ class Kinematics:
         placed = self.placed_at(q)
         return loads(self.loops, self.loops.at(self._configurations(q, poses), placed), placed, force, payload)
 
-    def urdf(self) -> str:
+    def urdf(self, targets: Mapping[str, pin.SE3] | None = None) -> str:
         """The URDF of the robot with the geometry, as far as a URDF can represent it.
+
+        ``targets``: places on the TCP, each of which is written as a link of its name.
 
         Raises `ModelError` if the loops don't close at home.
         """
         if not self.home.reached.all():
             raise ModelError(f"the loops of {self.robot.name} don't close at home", hint="check the geometry's values")
-        return to_urdf(self.geometry, self.placed.placements, self.placed.anchors, (self.home.T[0], self.home.R[0]))
+        home = self.home.T[0], self.home.R[0]
+        return to_urdf(self.geometry, self.placed.placements, self.placed.anchors, home, targets or {})
 
     # ------------------------------------------------------------------------------------------- closing
 

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 from scipy.linalg import block_diag
 
 from gtpin.data.ids import normal_ids
@@ -48,6 +49,16 @@ class FittedInstrument:
     def name(self) -> str:
         """Its name in dataset.toml."""
         return self.table.name
+
+    @property
+    def targets(self) -> dict[str, Floats]:
+        """(3,) place of each target on the platform, TCP frame, m, by id: a single one has the id ``""``."""
+        known = self.table.fixed_targets if "target" in self.table.ids else {}
+        return {key: np.array(at) + self.deviation(f"target[{key}]" if key else "target") for key, at in known.items()}
+
+    def deviation(self, what: str, parts: Sequence[str] = ("x", "y", "z")) -> Floats:
+        """Deviations of some unknowns from their declared values, m or rad; zeros for those that are known."""
+        return np.array([self.unknowns.get(f"{self.name}.{what}.{part}", 0.0) for part in parts])
 
 
 @dataclass(frozen=True)
@@ -228,6 +239,25 @@ class Model:
             )
             for x in draws(mean, covariance, n, rng)
         )
+
+    @property
+    def targets(self) -> dict[str, pin.SE3]:
+        """Places of the measured targets on the TCP, by the names that their links have in an export; not those at the TCP.
+
+        An only target is ``target``, another one ``target_NAME_ID`` of the instrument NAME. Of a target that several
+        instruments measure, each has its own.
+        """
+        if self.geometry.target is not None:
+            return {"target": pin.exp6(self.geometry.target)}
+        found = {
+            "_".join(part for part in ("target", one.name, key) if part): pin.SE3(
+                pin.exp3(one.deviation(f"target[{key}]" if key else "target", ("rx", "ry", "rz"))), at
+            )
+            for one in self.instruments
+            for key, at in one.targets.items()
+            if at.any()
+        }
+        return dict(zip(("target",), found.values(), strict=True)) if len(found) == 1 else found
 
     def of_tool(self) -> Model:
         """The model whose poses are those of the robot's own TCP, in the place of a free target; the same where there is none.

@@ -57,8 +57,8 @@ MOST_UNCERTAIN = 1e3
 
 
 def calibrated_urdf(model: Model) -> str:
-    """URDF of a model's robot with the model's geometry, as far as a URDF can represent it."""
-    return model.kinematics.urdf()
+    """URDF of a model's robot with the model's geometry, as far as a URDF can represent it, and with a link for each target."""
+    return model.kinematics.urdf(model.targets)
 
 
 def write_model(model: Model, folder: str | Path, *, force: bool = False) -> None:

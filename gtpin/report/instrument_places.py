@@ -16,7 +16,7 @@ from gtpin.typing import Floats
 NEAR = 1.0
 """Largest distance of a drawn instrument from the machine, over the machine's size: farther ones would make the machine
 small."""
-LENGTHS, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
+TURNS = ("rx", "ry", "rz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,57 +76,46 @@ class InstrumentPlaces:
         return found
 
     def _add(self, one: FittedInstrument) -> None:
-        table, name, known = one.table, one.name, one.table.fixed_targets
+        table, name = one.table, one.name
         stations: dict[str, Floats] = {}
-        targets = {
-            _label(name, key, known): np.array(at) + _deviation(one, f"target[{key}]" if key else "target")
-            for key, at in known.items()
-        }
+        targets = {_label(name, key, one.targets): at for key, at in one.targets.items()}
         match table:
             case RangeTable():
                 stations = {
-                    _label(name, key, table.stations): np.array(at) + _deviation(one, f"station[{key}]")
+                    _label(name, key, table.stations): np.array(at) + one.deviation(f"station[{key}]")
                     for key, at in table.stations.items()
                 }
             case TrackerTable(frame="free"):
                 sessions = dict.fromkeys(one.known.get("session", ("",)))
                 for key in sessions:
                     frame = f"frame[{key}]" if table.stations else "frame"
-                    at = -_deviation(one, frame) @ exp(_deviation(one, frame, TURNS))
+                    at = -one.deviation(frame) @ exp(one.deviation(frame, TURNS))
                     stations[_label(name, key, sessions)] = at
             case TrackerTable():
                 stations = {} if table.station is None else {name: np.array(table.station)}
             case PlaneTable():
                 for key, plane in table.planes.items():
                     normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
-                    height, a, b = _deviation(one, f"plane[{key}]", ("height", "a", "b"))
+                    height, a, b = one.deviation(f"plane[{key}]", ("height", "a", "b"))
                     normal = exp(np.array([a, b]) @ rotation_axes(normal)[:2]) @ normal
                     self.planes[_label(name, key, table.planes)] = (np.array(plane.point) + height * normal, normal)
             case SocketTable():
                 names = dict.fromkeys([*one.known.get("socket", ()), *table.sockets])
                 for key in names:
-                    at = np.array(table.sockets.get(key, (0.0, 0.0, 0.0))) + _deviation(one, f"point[{key}]")
+                    at = np.array(table.sockets.get(key, (0.0, 0.0, 0.0))) + one.deviation(f"point[{key}]")
                     self.sockets[_label(name, key, names)] = at
                 self.distances.extend(
                     (_label(name, a, names), _label(name, b, names), float(length))
                     for a, b, length, *_ in table.distances
                 )
             case TiltTable():
-                targets = {}
                 if table.link is None:
-                    self.tilts[name] = np.asarray(exp(_deviation(one, "mount", TURNS)))
-            case _:
-                targets = {}
+                    self.tilts[name] = np.asarray(exp(one.deviation("mount", TURNS)))
         self.stations.update(stations)
         self.targets.update(targets)
         self.wires.extend((station, target) for station in stations for target in targets)
         joints = dict.fromkeys(table.measured_joints)
         self.encoders.update({_label(name, joint, joints): joint for joint in joints})
-
-
-def _deviation(one: FittedInstrument, what: str, parts: tuple[str, ...] = LENGTHS) -> Floats:
-    """Deviations of some unknowns from their declared values; zeros for those that are known."""
-    return np.array([one.unknowns.get(f"{one.name}.{what}.{part}", 0.0) for part in parts])
 
 
 def _label(name: str, key: str, known: Mapping[str, object]) -> str:

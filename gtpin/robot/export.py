@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -17,17 +18,24 @@ from gtpin.robot.mjcf_values import exact_text
 from gtpin.typing import Floats
 
 
-def to_urdf(geometry: Geometry, placements: Floats | None, anchors: Floats, home: tuple[Floats, Floats]) -> str:
+def to_urdf(
+    geometry: Geometry,
+    placements: Floats | None,
+    anchors: Floats,
+    home: tuple[Floats, Floats],
+    targets: Mapping[str, pin.SE3],
+) -> str:
     """URDF of a robot with the places of its joints, of its loops' anchors and of its TCP from a geometry.
 
     Every link keeps its name, shape and inertia. Where the URDF's zero configuration was the home posture, it is so again. A
     URDF can't hold drive scales. The TCP's displacement is written into the fixed joint of its link. Where its link has no
-    fixed joint, the TCP gets a new link, which ``<platform>`` names. Where the place of the measured target was unknown, the
-    target is a link of its own, ``target``, and the TCP stays on its link.
+    fixed joint, the TCP gets a new link, which ``<platform>`` names. Where the place of the only measured target was unknown,
+    the TCP stays on its link.
 
     ``geometry``: what to write. ``placements``, ``anchors``: its places, as :class:`~gtpin.kinematics.placed.PlacedParts` has
     them.
-    ``home``: the TCP's position (3,), m, and rotation (3, 3) at the home commands, base frame.
+    ``home``: the TCP's position (3,), m, and rotation (3, 3) at the home commands, base frame. ``targets``: places on the TCP,
+    each of which becomes a link of its name.
     """
     robot = geometry.robot
     root = parse_xml(robot.description.xml, robot.description.source)
@@ -51,35 +59,36 @@ def to_urdf(geometry: Geometry, placements: Floats | None, anchors: Floats, home
     if placements is not None and robot.constraints:
         _rehome(robot, root, joints, home, geometry.platform)
     _name_what_was_found(robot, root)
-    if geometry.target is not None:
-        _add_target(robot, root, pin.exp6(geometry.target))
-    elif geometry.platform.any():
-        _move_tcp(robot, root, pin.exp6(geometry.platform))
+    tcp = robot.tcp_frame
+    if geometry.target is None and geometry.platform.any():
+        tcp = _move_tcp(robot, root, pin.exp6(geometry.platform))
+    for name, place in targets.items():
+        _add_target(robot, root, tcp, name, place)
     indent(root)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, encoding="unicode") + "\n"
 
 
-def _add_target(robot: Chain, root: Element, place: pin.SE3) -> None:
-    """Add the link ``target`` where the measured target sits, and name the TCP: a reader could take the target for it."""
-    name = "target"
+def _add_target(robot: Chain, root: Element, tcp: str, name: str, place: pin.SE3) -> None:
+    """Add a link where a measured target sits, and name the link of the TCP: a reader could take the target for it."""
     while name in robot.links:
         name = f"measured_{name}"
     SubElement(root, "link", {"name": name})
     joint = SubElement(root, "joint", {"name": f"{name}_mount", "type": "fixed"})
-    SubElement(joint, "parent", {"link": robot.tcp_frame})
+    SubElement(joint, "parent", {"link": tcp})
     SubElement(joint, "child", {"link": name})
     _set_origin(joint, place)
     own = root.find("gtpin")
     own = SubElement(root, "gtpin") if own is None else own
     if own.find("platform") is None:
-        SubElement(own, "platform", {"link": robot.tcp_frame})
+        SubElement(own, "platform", {"link": tcp})
 
 
-def _move_tcp(robot: Chain, root: Element, moved: pin.SE3) -> None:
+def _move_tcp(robot: Chain, root: Element, moved: pin.SE3) -> str:
+    """Move the TCP, and return the name of its link."""
     for joint in root.findall("joint"):
         if joint.get("type") == "fixed" and _child(joint, "child").get("link") == robot.tcp_frame:
             _set_origin(joint, _link_placement(robot, joint, "parent").inverse() * robot.tcp_placement * moved)
-            return
+            return robot.tcp_frame
     name = f"{robot.tcp_frame}_tcp"
     SubElement(root, "link", {"name": name})
     joint = SubElement(root, "joint", {"name": f"{name}_fixed", "type": "fixed"})
@@ -92,6 +101,7 @@ def _move_tcp(robot: Chain, root: Element, moved: pin.SE3) -> None:
     platform = SubElement(own, "platform") if platform is None else platform
     platform.set("link", name)
     platform.attrib.pop("tcp", None)
+    return name
 
 
 def _name_what_was_found(robot: Chain, root: Element) -> None:

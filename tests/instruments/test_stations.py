@@ -19,6 +19,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.cli import main
 from gtpin.data import InstrumentSection
 from gtpin.errors import DatasetError
+from gtpin.export import export
 
 Floats = np.ndarray
 PLACEMENTS = [f"placement[J{j}].{axis}" for j in range(1, 7) for axis in AXES] + [f"platform.{axis}" for axis in AXES]
@@ -102,6 +103,23 @@ def test_one_target_is_found_for_all_stations(tmp_path: Path, orientations: bool
     off = off_frames(found, truth)
     frames = [f"tracker.frame[{session}].{axis}" for session in truth.frames for axis in AXES]
     assert off @ np.linalg.solve(covariance_of(found, frames), off) < chi2.isf(CHANCE, len(off))
+
+
+@pytest.mark.parametrize("free", [True, False])
+def test_the_exported_urdf_has_a_link_where_the_target_was_measured(tmp_path: Path, free: bool) -> None:
+    """Pinocchio's placement of this link, seen from the station, is what was read, to the noise."""
+    truth = measured(tmp_path, 6, target=True)
+    place = "free" if free else truth.target.translation.tolist()
+    place = "free" if free else truth.target.translation.tolist()
+    found = calibrated(truth.write_second(tmp_path / "set", target=place))
+    export(found.model, tmp_path / "robot.urdf")
+    model = pin.buildModelFromUrdf(str(tmp_path / "robot.urdf"))
+    data, link, power = model.createData(), model.getFrameId("target"), 0.0
+    for q, session, read in zip(truth.q, truth.session, truth.T, strict=True):
+        pin.framesForwardKinematics(model, data, q)
+        x = np.array([found.unknown(f"laser.frame[{session}].{axis}").value for axis in AXES])
+        power += ((read - x[:3] - pin.exp3(x[3:]) @ data.oMf[link].translation) ** 2).sum() / SIGMA**2
+    assert power < chi2.isf(CHANCE, 3 * len(truth.q))
 
 
 def test_both_schemas_and_python_say_the_same(tmp_path: Path) -> None:
