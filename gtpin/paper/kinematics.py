@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
+import pinocchio as pin
 
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import Kinematics
@@ -228,8 +229,10 @@ class PaperKinematics(Kinematics):
             found.put(rows, closed)
         return found, reached
 
-    def urdf(self) -> str:
+    def urdf(self, targets: Mapping[str, pin.SE3] | None = None) -> str:
         """The URDF of the robot with the geometry: its joints at the commands zero, and each cart's mean direction.
+
+        ``targets``: places on the TCP, each of which is written as a link of its name.
 
         Raises `ModelError` if the loops don't close at home.
         """
@@ -248,7 +251,7 @@ class PaperKinematics(Kinematics):
                 placements[actuator.joint_id - 1, :9] = (turn @ R).T.ravel()
                 for i in carried:
                     anchors[robot.rods[i].seat] = (turn @ R).T @ R @ anchors[robot.rods[i].seat]
-        return to_urdf(self.geometry, placements, anchors, (self.home.T[0], self.home.R[0]))
+        return to_urdf(self.geometry, placements, anchors, (self.home.T[0], self.home.R[0]), targets or {})
 
     @property
     def _is_plain(self) -> bool:

@@ -95,7 +95,7 @@ def parallelogram(robot: Chain, R: Floats) -> Chain:
     L = np.array([np.mean([rod.L for rod in robot.rods if rod.carrier == i]) for i in range(robot.n_actuators)])
     ends = RodEnds(P, (C[carrier] + P @ R.T)[None], L[carrier])
     placed = places(robot, np.zeros((1, robot.n_actuators)), ends)
-    xml = to_urdf(Geometry(robot, (), np.zeros(0)), placed.placements, placed.anchors[0], (_meet(robot, C, L), R))
+    xml = to_urdf(Geometry(robot, (), np.zeros(0)), placed.placements, placed.anchors[0], (_meet(robot, C, L), R), {})
     return Chain(RobotDescription.parse(xml, source=f"{robot.name} with a reduced arm"), robot.tcp_frame)
 
 
