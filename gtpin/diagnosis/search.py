@@ -237,11 +237,11 @@ class HypothesisSet:
         known = self._gains.setdefault((model.terms, model.scale), {})
         taken = {self.without_value(term) for term in model.terms}
         wanted = [term for term in terms if self.without_value(term) not in taken]
-        new = [term for term in wanted if term not in known]
-        scanned = set(self.scanned)
-        plain = all_gains(self.groups, model, (t for t in new if t not in scanned))
-        known |= {term: Gain(value, term) for term, (value, _) in plain.items()}
-        known |= {t: self.scanned_gain(t, model) for t in new if isinstance(t, Hypothesis) and t in scanned}
+        if new := [term for term in wanted if term not in known]:
+            scanned = set(self.scanned)
+            plain = all_gains(self.groups, model, (t for t in new if t not in scanned))
+            known |= {term: Gain(value, term) for term, (value, _) in plain.items()}
+            known |= {t: self.scanned_gain(t, model) for t in new if isinstance(t, Hypothesis) and t in scanned}
         return {term: known[term] for term in wanted}
 
     def without_value(self, term: Term) -> Term:
