@@ -225,44 +225,61 @@ def cause(
     """
     active = next(e for e in model.effects if (e.effect.id, e.site) == hypothesis.place)
     own = next(m for m in found.classes[named] if m.hypothesis.place == hypothesis.place)
-    parameters = estimates(model.robot, active, hypothesis)
+    linear = found.model if hypothesis == named else hypotheses.replaced(found.model, named, hypothesis)
+    parameters = estimates(model.robot, active, hypothesis, _by_values(hypotheses, linear, hypothesis))
     members = []
     for contender, member in zip(found.classes[named], found.members(named), strict=True):
         other, values = contender.hypothesis, parameters
         if other.place != hypothesis.place:
             alone = contender.recorded and contender.beside is None
-            taken = alone and _in_its_place(hypotheses, found, named, other, active.references)
-            values = estimates(model.robot, taken, other) if taken else {}
+            values = _in_its_place(hypotheses, found, named, other, active.references) if alone else {}
         members.append(replace(member, parameters=values))
     return Cause(*hypothesis.place, own.probability, tuple(members), parameters, 0.0, found.nature(hypothesis))
 
 
 def _in_its_place(
     hypotheses: HypothesisSet, found: Conclusion, named: Hypothesis, other: Hypothesis, references: References
-) -> ActiveEffect | None:
-    """Another member of a cause's class in its place, by a linear fit; None where it is a cause itself."""
+) -> dict[str, Estimate]:
+    """Parameters of another member of a cause's class in its place, by a linear fit; none where it is a cause itself."""
     terms = found.model.terms
     if other.place in {term.place for term in terms if isinstance(term, Hypothesis)}:
-        return None
+        return {}
     model = hypotheses.of([other if term == named else term for term in terms], found.model.scale)
-    return fitted_linearly(hypotheses, model, other, references)
+    return estimates_in(hypotheses, model, other, references)
 
 
-def fitted_linearly(
+def estimates_in(
     hypotheses: HypothesisSet, model: Posterior[Term], own: Hypothesis, references: References
-) -> ActiveEffect:
-    """A hypothesis of a model with its coefficients by the linear fit."""
+) -> dict[str, Estimate]:
+    """Parameters of a hypothesis of a model, by name, by the linear fit."""
+    coefficients, covariance = _fitted(hypotheses, model, own)
+    robot, value = hypotheses.design.operating_points.robot, own.shape_parameter
+    active = ActiveEffect(own.effect, own.site, value, coefficients, covariance, references, own.further)
+    return estimates(robot, active, own, _by_values(hypotheses, model, own))
+
+
+def _fitted(hypotheses: HypothesisSet, model: Posterior[Term], own: Hypothesis) -> tuple[Floats, Floats]:
+    """(m,) coefficients of a hypothesis of a model by the linear fit, and their (m, m) covariance."""
     start = sum(model.widths[: model.terms.index(own)])
     sigma = own.basis(hypotheses.design.operating_points).sigma
     part = slice(start, start + len(sigma))
-    covariance = model.covariance[part, part] * np.outer(sigma, sigma)
-    return ActiveEffect(
-        own.effect, own.site, own.shape_parameter, model.mean[part] * sigma, covariance, references, own.further
-    )
+    return model.mean[part] * sigma, model.covariance[part, part] * np.outer(sigma, sigma)
 
 
-def estimates(robot: Chain, active: ActiveEffect, hypothesis: Hypothesis) -> dict[str, Estimate]:
+def _by_values(hypotheses: HypothesisSet, model: Posterior[Term], own: Hypothesis) -> Floats:
+    """(l, m) change of a hypothesis's coefficients if each of its l nonlinear values is larger by its standard deviation."""
+    found = np.zeros((len(own.lines), len(_fitted(hypotheses, model, own)[0])))
+    for i, (value, sigma) in enumerate(own.lines):
+        for sign in (1.0, -1.0):
+            moved = own.with_lines([*own.lines[:i], (value + sign * sigma, sigma), *own.lines[i + 1 :]])
+            found[i] += sign / 2.0 * _fitted(hypotheses, hypotheses.replaced(model, own, moved), moved)[0]
+    return found
+
+
+def estimates(robot: Chain, active: ActiveEffect, hypothesis: Hypothesis, by_values: Floats) -> dict[str, Estimate]:
     """Parameters by name: value at the coefficients' posterior mean, and sigma, within which 68 % of draws lie about it.
+
+    ``by_values``: (l, m) change of the m coefficients if each of the l nonlinear values is larger by its standard deviation.
 
     Draws from the posterior are needed because some parameters, such as a curve's root mean square, are not linear in the
     coefficients. They are not needed for the value: a mean or a median of draws of such a norm is too large, because the
@@ -275,6 +292,7 @@ def estimates(robot: Chain, active: ActiveEffect, hypothesis: Hypothesis) -> dic
     drawn = []
     for z in np.vstack([unit, -unit]):
         c = active.coefficients + vectors @ (np.sqrt(np.maximum(values, 0.0)) * z[: len(values)])
+        c = c + z[len(values) : len(values) + len(by_values)] @ by_values
         own = zip(active.values, sigmas, z[len(values) :], strict=False)
         places = [value + sigma * float(draw) for value, sigma, draw in own]
         drawn.append([v for v, _ in active.effect.parameters_of(robot, active.site, c, places).values()])

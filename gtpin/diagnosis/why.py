@@ -13,7 +13,7 @@ from gtpin.diagnosis.doubts import Context, out_of_range
 from gtpin.diagnosis.evidence import NOTHING, Posterior, fixed, without
 from gtpin.diagnosis.gap import Place, leave_out, position_rms
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
-from gtpin.diagnosis.joint_fit import estimates, fitted_linearly
+from gtpin.diagnosis.joint_fit import estimates_in
 from gtpin.diagnosis.next_experiment import POSES, fewer
 from gtpin.diagnosis.priors import SURE
 from gtpin.diagnosis.result import Experiment, LeftOutErrors, Question, Rival, Standing, Why
@@ -51,11 +51,7 @@ def why_of(
     own = next(h for h in hypotheses.named if h.place == place)
     alone = found.alone[own]
     single = hypotheses.extended(NOTHING, alone.term)
-    parameters = estimates(
-        hypotheses.design.operating_points.robot,
-        fitted_linearly(hypotheses, single, causes(single)[0], context.settled.references),
-        causes(single)[0],
-    )
+    parameters = estimates_in(hypotheses, single, causes(single)[0], context.settled.references)
 
     # Beside the other causes, and beside smooth terms too.
     mine = next((cause for cause in found.classes if cause.place == place), None)

@@ -174,7 +174,10 @@ def parameter_rows(cause: Cause) -> list[list[str]]:
     rows = []
     for name, e in cause.parameters.items():
         ends = [parameter(name, end, e.unit)[1] for end in e.interval]
-        rows.append([*parameter(name, e.value, e.unit, e.sigma), *(ends[::-1] if _periodic(name, e.unit) else ends)])
+        if _periodic(name, e.unit):
+            turns = TURN / e.value
+            ends = [quantity(max(end, 0.0), "") for end in Estimate(turns, e.sigma * turns / e.value, "").interval]
+        rows.append([*parameter(name, e.value, e.unit, e.sigma), *ends])
     return rows
 
 

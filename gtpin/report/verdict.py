@@ -264,13 +264,13 @@ def beyond_noise(gap: Gap) -> str:
     """What the causes explain, in lengths, where the gap beyond noise is smaller than noise; else empty.
 
     A fraction of such a gap says little. The gap beyond noise is g = sqrt(before^2 - floor^2); with a fraction f of its power
-    explained, the causes explain g (1 - sqrt(1 - f)) of it.
+    explained, the error that the causes explain is g sqrt(f), as beside each cause.
     """
     power = gap.before**2 - gap.floor**2
     if gap.by_instrument or gap.interval is None or not 0.0 < power < gap.floor**2:
         return ""
     size = float(np.sqrt(power))
-    low, high = (length(size * float(1.0 - np.sqrt(1.0 - np.clip(share, 0.0, 1.0)))) for share in gap.interval)
+    low, high = (length(size * float(np.sqrt(np.clip(share, 0.0, 1.0)))) for share in gap.interval)
     return f"Beyond noise the gap is {length(size)}; the causes explain {low} to {high} of it (95 %)."
 
 

@@ -150,10 +150,10 @@ def test_versions_are_told_where_pinocchio_has_another_distribution(monkeypatch:
 
 def test_a_gap_that_is_small_beside_the_noise_is_told_in_lengths() -> None:
     small = Gap(before=41e-6, after=40.2e-6, floor=40e-6, explained_fraction=0.8, interval=(0.64, 0.96))
-    # sqrt(41^2 - 40^2) = 9 um; 1 - sqrt(1 - 0.64) = 0.4 and 1 - sqrt(1 - 0.96) = 0.8 of it.
+    # sqrt(41^2 - 40^2) = 9 um; powers of 0.64 and 0.96 are sqrt(0.64) = 0.8 and sqrt(0.96) = 0.98 of it.
     assert (
         " ".join(beyond_noise(small).split())
-        == "Beyond noise the gap is 9.00 µm; the causes explain 3.60 µm to 7.20 µm of it (95 %)."
+        == "Beyond noise the gap is 9.00 µm; the causes explain 7.20 µm to 8.82 µm of it (95 %)."
     )
     assert beyond_noise(replace(small, before=80e-6)) == ""
     assert beyond_noise(replace(small, before=39e-6)) == ""
