@@ -14,7 +14,7 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import joints
 from gtpin.estimate import WIDE
-from gtpin.report.effect_motions import Motion, motions
+from gtpin.report.effect_motions import FREEDOMS, Motion, motions
 from gtpin.report.figure import CURVES, DATA, Drawing, Plot, escaped, scatter, titled
 from gtpin.report.residual_plots import POINTS, scale_of, shown
 from gtpin.report.residuals import Residuals, fine
@@ -254,7 +254,7 @@ def reach(found: Sequence[EffectCurve]) -> str:
             continue
         most = max(seen, key=lambda curve: curve.range)
         far = f"{most.name}: {quantity(most.range, unit)} peak to peak"
-        if most.lever is not None and not most.name.startswith("shift along"):  # such a shift is the TCP's own
+        if most.lever is not None and not most.name.startswith(FREEDOMS):  # of the tool or the frame: in the shifts
             far += f", {quantity(most.lever * most.range, 'm')} at the TCP"
         words.append(far)
     return "; ".join(words)

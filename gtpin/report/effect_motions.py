@@ -83,9 +83,13 @@ def motions(active: ActiveEffect, at: OperatingPoints) -> list[Motion]:
             one = of_lengths(at, [i], np.ones((len(at), 1, 1)), np.ones(1)).displacement(at)[:, :, 0]
             found.append(Motion(f"length of {rod}", "m", basis.length[:, i], one, i))
     if basis.twist is not None:
+        ways = np.broadcast_to(np.eye(size)[:6], (len(at), 6, size)).copy()  # of the frame in the base frame's axes
+        own = " of the TCP" if site == "platform" else ""
+        if own:  # of the tool in its own axes, as its parameters are
+            ways[:, :3, :3] = ways[:, 3:, 3:6] = np.swapaxes(at.poses.R, 1, 2)
+        columns = ways[:, :, :6] @ basis.twist[:, :6]
         for k, name in enumerate(FREEDOMS):
-            one = np.broadcast_to(np.eye(size)[k], (len(at), size))
-            found.append(Motion(name, "m" if k < 3 else "rad", basis.twist[:, k], one))
+            found.append(Motion(f"{name}{own}", "m" if k < 3 else "rad", columns[:, k], ways[:, k]))
     return [m for m in found if np.abs(m.columns * basis.sigma).max(initial=0.0) > SMALLEST]
 
 

@@ -7,7 +7,9 @@ from effect_places import EFFECTS, FIT, arm_points, basis, nominal_at, some
 from urdfs import joint, own, robot_of
 
 import gtpin
+from gtpin.effects.active import ActiveEffect
 from gtpin.effects.untestable import Untestable
+from gtpin.report.effect_motions import motions
 
 
 def test_the_target_sits_where_pinocchio_places_it_by_the_parameters():
@@ -34,6 +36,21 @@ def test_the_target_sits_where_pinocchio_places_it_by_the_parameters():
             name: told[f"{name}[3]"] - told[f"{name}[1]"] if effect == "target_shift" else told[name] for name in names
         }
         np.testing.assert_allclose((ways[1] - ways[0])[0], list(last.values()), atol=1e-15)
+
+
+def test_a_drift_of_the_tool_along_its_own_axis_is_shown_along_this_axis():
+    """Whatever way the tool points: in the axes of its parameters, not in those of the base."""
+    effect, names = EFFECTS["target_drift"], [f"{kind}_{axis}" for kind in ("shift", "turn") for axis in "xyz"]
+    count = len(some("target_drift", "platform", FIT))
+    told = [effect.parameters(one, None) for one in np.eye(count)]
+    table = np.array([[one[name][0] for name in names] for one in told]).T
+    c = np.linalg.lstsq(table, np.array([0.0, 0.0, 1e-4, 0.0, 0.0, 0.0]), rcond=None)[0]
+    active = ActiveEffect(effect, "platform", None, c, np.zeros((count, count)), FIT.references)
+    times = np.linspace(FIT.references.time[0], sum(FIT.references.time), 12)
+    at = arm_points(12, seed=3, fixed=FIT.references, time=times)
+    ranges = {motion.name: float(np.ptp(motion.columns @ c)) for motion in motions(active, at)}
+    assert ranges.pop("shift along z of the TCP") == pytest.approx(1e-4)
+    assert max(ranges.values(), default=0.0) < 1e-12
 
 
 INERTIA = '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>'
