@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from gtpin.diagnosis.priors import CLASS_SHARE
 from gtpin.diagnosis.result import Cause, Doubt, Findings, Member
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.effect import ChainWords, Effect
@@ -243,26 +244,34 @@ def explained_part(found: Findings, cause: Cause) -> str:
 
 def cause_rows(found: Findings) -> list[list[str]]:
     """Rows of a table: causes with probability, parameters and the part of the error that they explain, each followed by its
-    class. Members of a class that only together could be the cause are one row."""
+    class, and by what is left of the probability."""
     rows = []
     for cause in found.causes:
         values = [value(*one) for one in cause.parameters.items()]
         more = [f"and {len(values) - SHOWN} more"] if len(values) > SHOWN else []
         name = f"{title(found, cause)}\n  at {site_words(cause.site)}"
         rows.append([name, chance(cause.probability), "\n".join(values[:SHOWN] + more), explained_part(found, cause)])
-        said: set[tuple[str, str]] = set()
-        for m in others(cause):
-            pair = [o for o in others(cause) if m.beside == (o.effect, o.site) and o.beside == (m.effect, m.site)][:1]
-            if (m.effect, m.site) in said:
-                continue
-            said |= {(o.effect, o.site) for o in pair}
+        for together in alternatives(cause):
             name = "\n".join(
                 f"  {word} {found.effect(one.effect).title}\n     at {site_words(one.site)}"
-                for word, one in zip(("or", "with"), (m, *pair), strict=False)
+                for word, one in zip(("or", "with"), together, strict=False)
             )
-            own = [value(*one) for one in m.parameters.items()]
-            rows.append([name, chance(sum(one.probability for one in (m, *pair))), "\n".join(own[:LINES]), ""])
+            own = [value(*one) for one in together[0].parameters.items()]
+            rows.append([name, chance(sum(one.probability for one in together)), "\n".join(own[:LINES]), ""])
+        left = 1.0 - sum(member.probability for member in cause.members)
+        if left >= CLASS_SHARE:
+            rows.append(["  or something else", chance(left), "", ""])
     return rows
+
+
+def alternatives(cause: Cause) -> list[tuple[Member, ...]]:
+    """The other members of a class; two that only together could be the cause are one alternative."""
+    rest, found = others(cause), list[tuple[Member, ...]]()
+    for m in rest:
+        pair = [o for o in rest if m.beside == (o.effect, o.site) and o.beside == (m.effect, m.site)][:1]
+        if not any(m in together for together in found):
+            found.append((m, *pair))
+    return found
 
 
 def cause_lines(found: Findings, noun: str = "gap", most: int = LINES) -> list[str]:
@@ -289,10 +298,11 @@ def _line(found: Findings, cause: Cause, noun: str) -> str:
         how = "; ".join(filter(None, ("certain" if sure else f"probable, {chance(cause.probability)}", share)))
         said = f"{site_words(cause.site)}: {sized(found, cause, title(found, cause))} ({how})"
         return said if cause.site not in SITES else capital(said)
-    rest = others(cause)
-    second = f"{cause_name(found, rest[0])} ({chance(rest[0].probability)})"
+    rest = alternatives(cause)
+    second = " with ".join(cause_name(found, one) for one in rest[0])
+    second += f" ({chance(sum(one.probability for one in rest[0]))})"
     if len(rest) > 1:
-        second = f"one of {len(rest)} other effects"
+        second = f"one of {len(rest)} others"
     first = f"{cause_name(found, cause)} ({chance(cause.probability)})"
     return f"{f'Open, {share}' if share else 'Open'}: {first} or {second}"
 
