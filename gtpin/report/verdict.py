@@ -116,7 +116,10 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
             "If this is the noise of the instrument and of the machine, no compensation beside the geometry is needed."
         )
     else:
-        use = "The calibrated geometry is enough: no other compensation is needed."
+        use = (
+            "At payloads, temperatures and speeds as in these data, the calibrated geometry is enough: no other compensation "
+            "is needed."
+        )
     if supposed:
         return [f"No cause beside the geometry: the {size.after} that it leaves can be noise."], [use, *assumed(d)]
     return ["No cause beside the geometry: only noise is left."], [use]
