@@ -104,7 +104,7 @@ def geometry_line(found: Sequence[Departure]) -> str:
     left = size_of(np.sum([one.displacement for one in found if one is not first], axis=0)) if found[1:] else 0.0
     if left**2 < MOST * whole**2:
         return f"Geometry: {what}: {size} at the TCP."
-    return f"Geometry: {length(whole)} at the TCP by many parameters; the largest that is determined: {what} ({size})."
+    return f"Geometry: its parameters move the TCP by {length(whole)} together. Largest: {what} ({size} alone)."
 
 
 def all_departures(found: Sequence[Departure]) -> Table:
