@@ -161,16 +161,6 @@ def worlds() -> str:
     return "\n".join(lines)
 
 
-def worlds_earlier() -> str:
-    """The same of all sets, with the rules of their time, as the file of earlier sets has it."""
-    found = _record("worlds.json")
-    lines = ["| | " + " | ".join(found) + " |", "|---" * (len(found) + 1) + "|"]
-    for words, key, of in WORLDS:
-        cells = (f"{column[key]} of {column[of]}" if key in column else "" for column in found.values())
-        lines.append(f"| {words} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
-
-
 def share(good: int, of: int) -> str:
     """A count, and the share with Wilson's 95 % bounds: two cells of a table."""
     low, high = binomtest(good, of).proportion_ci(method="wilson")
@@ -198,19 +188,6 @@ def planted() -> str:
     for key in sorted(PLANTED, key=lambda key: found["all"][key][0] / found["all"][key][1]):
         cells = (_counted(found[machine], key) for machine in BACKGROUNDS)
         lines.append(f"| {PLANTED[key]} | {share(*found['all'][key])} | {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def planted_earlier() -> str:
-    """The same of the last sealed cases by energy, and of earlier cases, with the rules of their time."""
-    record = _record("planted.json")
-    found = record["sealed"]
-    sizes = sorted((key for key in found if key.startswith("E ") and "," not in key), key=lambda key: (len(key), key))
-    groups = {key: found[key] for key in sizes} | {name: sums["all"] for name, sums in record["earlier"].items()}
-    groups["training half"] = record["cases"]["all"]
-    lines = ["| | " + " | ".join(groups) + " |", "|---" * (len(groups) + 1) + "|"]
-    for key, words in PLANTED.items():
-        lines.append(f"| {words} | " + " | ".join(_counted(group, key) for group in groups.values()) + " |")
     return "\n".join(lines)
 
 
