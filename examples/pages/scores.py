@@ -92,8 +92,14 @@ def sealed_score() -> str:
 
 
 def machine_scores() -> str:
-    """The scores of the other machines with rods, as docs/blind.md has them."""
-    return _scores("machines.json")
+    """The scores of the other machines with rods together, as docs/blind.md has them: each has few cases."""
+    scores = _record("machines.json")
+    lines = ["| | cases | share |", "|---|---|---|"]
+    for name, words in MACHINE.items():
+        rows = [row for score in scores.values() for row in score["figures"] if row["figure"] == name and row["of"]]
+        of, total = sum(row["of"] for row in rows), sum(row["of"] * row["value"] for row in rows)
+        lines.append(f"| {words} | {f'{of} | {total / of:.2f}, mean' if 'F1' in words else share(round(total), of)} |")
+    return "\n".join([*lines, "", f"{', '.join(f'`{name}`' for name in scores)}. {_failed(scores)}"])
 
 
 def chain_scores() -> str:
