@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 from collections.abc import Mapping
@@ -80,7 +81,10 @@ def sealed_sentence() -> str:
 
 def blind_runs() -> str:
     """The log of all full runs, which examples/blind/page.py keeps."""
-    return (RECORDS / "blind_runs.md").read_text(encoding="utf-8").strip()
+    with (RECORDS / "blind_runs.csv").open(encoding="utf-8", newline="") as log:
+        head, *rows = csv.reader(log)
+    lines = [f"| {' | '.join(row)} |" for row in (head, *rows)]
+    return "\n".join([lines[0], "|---" * len(head) + "|", *lines[1:]])
 
 
 def sealed_score() -> str:
