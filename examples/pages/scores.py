@@ -336,5 +336,5 @@ def real_panda() -> str:
     ]
     for words, end in (("nominal", "_nominal"), ("calibrated", "")):
         worst = [1e3 * max(abs(row[key + end]) for row in record["places"]) for key in ("scatter", "distance_error")]
-        lines.append(f"| {words} | {1e3 * record['scatter' + end]:.3g} mm | {worst[0]:.3g} mm | {worst[1]:.2g} mm |")
+        lines.append(f"| {words} | {1e3 * record['scatter' + end]:.3g} mm | {worst[0]:.3g} mm | {worst[1]:.2f} mm |")
     return "\n".join(lines)
