@@ -22,7 +22,7 @@ from gtpin.report.page import Table
 
 FULL = 1000
 """Cases from which a run is a full one."""
-LOG = "figures/blind_runs.md"
+LOG = "figures/blind_runs.csv"
 RECORD = "figures/blind.json"
 FAILURES = "figures/blind_failures.csv"
 EFFECTS = "figures/blind_effects.csv"
@@ -31,8 +31,7 @@ POWER = "figures/blind_power.csv"
 KEPT = ("cases", "check", "failures", "figures")
 """Of ``score.json``, what other pages need; with it goes which single effects were named right, and nothing else."""
 LOG_HEAD = """\
-| date | command | plant | diagnosis | manifest | reached | strict, D > 63 | class, E > 63 | false alarms | failed |
-|---|---|---|---|---|---|---|---|---|---|
+date,command,plant,diagnosis,manifest,reached,"strict, D > 63","class, E > 63",false alarms,failed
 """
 
 
@@ -50,7 +49,7 @@ def files(folder: Path) -> dict[str, str]:
 
 def _csv(table: Table) -> str:
     written = io.StringIO()
-    csv.writer(written, lineterminator="\n").writerows([table.head, *table.rows])
+    csv.writer(written, lineterminator="\n").writerows(row for row in (table.head, *table.rows) if row)
     return written.getvalue()
 
 
@@ -71,7 +70,7 @@ def logged(log: Path, folder: Path, day: datetime.date) -> None:
     ]
     cells = [f"{day:%Y-%m-%d}", f"`{_command(about)}`", str(about["plant"])[:12], diagnosis, manifest, headline(result)]
     cells += ["–" if value is None else f"{value:.3f}" for value in numbers]
-    log.write_text(text + "| " + " | ".join(cells) + " |\n", encoding="utf-8")
+    log.write_text(text + _csv(Table((), [cells])), encoding="utf-8")
 
 
 def _read(folder: Path) -> tuple[dict[str, Any], list[Judged]]:

@@ -14,8 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from measure import measure
-from paper_blocks import Block, compare_frame_angles, compare_orientation, compare_table1, compare_table3
-from paper_closures import held_out
+from paper_blocks import Block, compare_frame_angles, compare_table1, compare_table3
 from paper_figures import (
     along_and_across,
     cost_and_position,
@@ -25,7 +24,6 @@ from paper_figures import (
     orientation_errors,
 )
 from paper_grid import RECOVERED, Grid, recover_grid
-from paper_peaks import peak_ranks
 from paper_steps import drawn_measurements, step_change
 from paper_tables import tables
 from seeds import EVERY, PAIRS, Draws, draw, every_draw, markdown, order, printed_rods, turning_alone
@@ -34,15 +32,13 @@ import gtpin
 from gtpin.comparison.compare import compare
 
 DRAWS = 24
-"""Draws of the twin's errors, seeds 0 to 23; the default seed, 2010, is one more and was not chosen."""
-
-TABLE3_FILE = "figures/paper_table3.md"
+"""Draws of the twin's errors, seeds 0 to 23."""
 
 INTRODUCTION = """# The paper, reproduced
 
 Dressler, Brogårdh and Robertsson, *A Kinematic Error Model for a Parallel Gantry-Tau Manipulator*, ICRA 2010, compared with what gtpin computes. `python examples/dressler2010/page.py docs/paper.md figures/` makes the page again, and figures like the paper's; `tests/paper` checks the numbers.
 
-*Printed*: from the paper. *Computed*: from the paper's own numbers (Table II) and gtpin's kinematics. *Simulated*: from a virtual machine, the *twin*, in `examples/dressler2010/`. In the tables a cell is: printed / gtpin's number; a standard deviation follows ±. Only six numbers were fitted to the paper: the limits of the measurement grid. The sizes of the twin's errors were chosen by hand, close to Table II's costs by link.
+*Computed*: from the paper's own numbers (Table II) and gtpin's kinematics. *Simulated*: from a virtual machine, the *twin*, in `examples/dressler2010/`. In the tables a cell is: printed / gtpin's number; a standard deviation follows ±. `tests/paper` also checks the ranges of the platform's angles, where the error is largest, and the norms of the printed directions. Only the limits of the measurement grid were fitted to the paper. The sizes of the twin's errors were chosen by hand, close to Table II's costs by link.
 """
 
 GRID = """## The measurement grid, from Table III
@@ -58,53 +54,25 @@ Gaussian closure residuals with the variance of Table II's final costs, propagat
 {near} of the ten printed numbers lie within two standard deviations. The largest difference is that of {farthest}: {most:.1f} standard deviations.
 """
 
-ORIENTATION = """## Orientation over the grid (Figs. 4 and 8)
-
-The ranges of the ZYZ angles of the nominal geometry over the whole grid (computed). The paper prints one digit.
-"""
-
 TABLE3 = """## Table III
 
-S_pos, S_rot and S_cost are sums over 61 poses, and over both signs of a step of 5e-5 of one parameter (m, rad, or without unit for track directions), of the change of position, of orientation (the sum of the absolute changes of the three ZYZ angles) and of a link's squared closure residual; without linearisation, as 61 times the mean over the grid. S_cost is the expectation over Gaussian residuals with the variance of Table II. The Euler angles (ZYX) are of the transformation between two tracker frames; a joint on cart 2 is at C = t + R m(q), with the measured track m(q), which is not printed, and R m(q) = C - t follows from printed numbers. How far gtpin's numbers are from those printed, which have one or two digits ([all of them](figures/paper_table3.md)):
-"""
-
-PEAK = """## Where the error is largest (Fig. 9)
-
-The mean rank of each link's squared closure residual at the pose, out of 61, with the largest position error, from 0 (smallest) to 1 (computed; by chance 0.5):
-
-{ranks}
+S_pos, S_rot and S_cost are sums over 61 poses, and over both signs of a step of 5e-5 of one parameter (m, rad, or without unit for track directions), of the change of position, of orientation (the absolute changes of the three ZYZ angles) and of a link's squared closure residual (its expectation over Gaussian residuals with the variance of Table II); without linearisation, as 61 times the mean over the grid. The Euler angles (ZYX) are of the transformation between two tracker frames. How far gtpin's numbers are from those printed, which have one or two digits:
 """
 
 TWIN = """## A twin of the experiment
 
-The twin simulates the machine, its grid of 176 poses, measured in one direction and back, and the measurements of the carts (`examples/dressler2010/README.md` says what is the paper's and what is assumed). `gtpin compare` fits models 1 to 5 to each half of the {poses} poses within the actuator range and predicts the other half; the paper had 122 such poses. *Grid of Table III*: the same machines at the {recovered} poses of the grid above. One draw of the random errors is shown first (seed 2010), then {draws} (seeds 0 to {last}).
+The twin simulates the machine, its grid of 176 poses, measured in one direction and back, and the measurements of the carts (`examples/dressler2010/README.md`: what is assumed). `gtpin compare` fits models 1 to 5 to each half of the {poses} poses within the actuator range and predicts the other half; the paper had 122. *Grid of Table III*: the same machines at the {recovered} poses of the grid above. The random errors are drawn {draws} times (seeds 0 to {last}).
 
 - The errors have the size of Table I, and its order except for models 2 and 3. Of {draws} draws, the mean error of the first model is larger: 1 > 2 in {o[0]}, 2 > 3 in {o[1]}, 3 > 4 in {o[2]}, 4 > 5 in {o[3]}.
-- A measured track reduces the error at cart 2, and increases it at cart 3, whose target was at link 3c.
-- Models 2 and 3: by Table II's costs, the rotation of the plate contributes {asked:.0f} micrometres of rod length to the residual of link 1; by its geometry, {given:.0f}.
+- Models 2 and 3: the rotation of the plate contributes {asked:.0f} micrometres of rod length to the residual of link 1 by Table II's costs, {given:.0f} by its geometry.
 - The mean errors of models 3 to 5 are larger than printed, by {low:.0f} to {high:.0f} % over the draws: errors of the links of one cart are correlated, and the poses are held out.
 - Models 4 and 5 are {gap:.1f} um apart in the mean on the twin's grid and {other_gap:.1f} um on that of Table III, where 4 > 5 in {other} draws. The paper prints 10 um; its own Table II gives {from_table2:.1f} um.
 - Of {fits} comparisons by the pose cost, {aside} set poses aside as gross errors.
 """
 
-TABLE3_HEAD = """# Table III, number by number
-
-[The paper, reproduced](../paper.md) says what is computed. A cell is: printed / gtpin's number.
-"""
-
-DIRECTIONS = """## The norms of the printed track directions
-
-The directions of Table II, model 3, are not unit vectors. |v| - 1 is
-
-{rows}
-
-In the paper's fit the scale error of the drive became part of the direction; in gtpin it is `scale[2b]`.
-"""
-
 COSTS = """## The two costs
 
-The paper minimises squared closure residuals, for each link separately (*closure cost*, `examples/dressler2010/paper_closures.py`). The noise of the measured pose, above all of the orientation, then biases the estimated joint positions. gtpin minimises the difference between predicted and measured poses in units of their noise, with the tolerances as priors (*pose cost*). `tests/paper_models` measures the bias with an orientation noise of a
-milliradian: about 0.8 mm in the joints of the plate, with tolerances of 1 mm; with the pose cost none is found.
+The paper minimises squared closure residuals, for each link separately (*closure cost*, `examples/dressler2010/paper_closures.py`). The noise of the measured orientation then biases the estimated joint positions: by about 0.8 mm at a milliradian, with tolerances of 1 mm (`tests/paper_models`). gtpin minimises the difference between predicted and measured poses in units of their noise, with the tolerances as priors (*pose cost*); no bias is found.
 """
 
 
@@ -120,11 +88,6 @@ def block(b: Block) -> str:
     return "\n".join(lines) + "\n"
 
 
-def table3(blocks: Sequence[Block]) -> str:
-    """All numbers of Table III, a file of its own."""
-    return "\n".join([TABLE3_HEAD, *map(block, blocks)])
-
-
 def deviations(blocks: Sequence[Block]) -> str:
     """How far each part of Table III is from the printed one."""
     lines = ["| | RMS, % | largest, % |", "|---|---|---|"]
@@ -138,24 +101,8 @@ def of_table3(model: gtpin.Model, grid: Grid) -> tuple[Block, ...]:
 
 
 def twin(draws: Draws, from_table2: float) -> str:
-    """The twin's Tables I and II: one draw, and many."""
-    dataset, _ = measure()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gtpin.GtpinWarning)
-        poses, closures = compare(dataset), 1e6 * held_out(dataset)[0]
+    """The twin's Tables I and II of many draws."""
     told = tables()
-    lines = [
-        "| model | printed mean | pose cost (95 %) | closure cost | printed max | pose cost | closure cost |",
-        "|---" * 7 + "|",
-    ]
-    for i, (held, interval, other) in enumerate(zip(poses.held, poses.intervals(), closures, strict=True)):
-        a = held.figures()
-        low, high = interval["mean_um"] or (np.nan, np.nan)
-        lines.append(
-            f"| {held.model} | {told.mean_um[i]:.0f} | {a['mean_um']:.0f} ({low:.0f} .. {high:.0f}) | {other.mean():.0f} "
-            f"| {told.max_um[i]:.0f} | {a['max_um']:.0f} | {other.max():.0f} |"
-        )
-    lines += ["", "Held-out absolute positioning error, micrometres (simulated)."]
     excess = 100.0 * (draws.pose[:, 2:, 0].mean(axis=0) / told.mean_um[2:] - 1.0)
     reduced, full = (printed_rods(model)[0] for model in (1, 3))
     gap, other_gap = (float((e[:, 3, 0] - e[:, 4, 0]).mean()) for e in (draws.pose, draws.recovered))
@@ -176,7 +123,7 @@ def twin(draws: Draws, from_table2: float) -> str:
         fits=10 * len(draws),
         aside=draws.set_aside,
     )
-    return "\n".join([text, *lines, "", markdown(draws)])
+    return "\n".join([text, markdown(draws)])
 
 
 def recovered() -> Grid:
@@ -208,14 +155,6 @@ def table1_section(blocks: tuple[Block, ...]) -> str:
     return "\n".join([text, *map(block, blocks)])
 
 
-def peak_section(grid: Grid, model: gtpin.Model) -> str:
-    """Where each link's cost ranks at the largest position error."""
-    links = tables().links
-    lines = ["| " + " | ".join(links) + " |", "|---" * len(links) + "|"]
-    lines.append("| " + " | ".join(f"{rank:.2f}" for rank in peak_ranks(model, grid.commands(model))) + " |")
-    return PEAK.format(ranks="\n".join(lines))
-
-
 def nominal() -> gtpin.Model:
     """The nominal Gantry-Tau."""
     return gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau")))
@@ -232,20 +171,14 @@ def page(draws: Draws, grid: Grid) -> str:
         The paper's, as :func:`recovered` gives it.
     """
     model = nominal()
-    excess = dict(zip(tables().links, tables().direction_excess, strict=True))
-    rows = ", ".join(f"{link}: {value * 1e4:+.1f}e-4" for link, value in excess.items())
     table1 = compare_table1(model, grid)
     parts = [
         INTRODUCTION,
         grid_section(grid, model),
         table1_section(table1),
-        ORIENTATION,
-        block(compare_orientation(model, grid)),
         TABLE3,
         deviations(of_table3(model, grid)),
-        peak_section(grid, model),
         twin(draws, table1[0].ours[0, 3] - table1[0].ours[0, 4]),
-        DIRECTIONS.format(rows=rows),
         COSTS,
     ]
     return "\n".join(parts)
@@ -276,9 +209,7 @@ def figures(folder: Path) -> None:
 
 if __name__ == "__main__":
     written, drawn = Path(sys.argv[1] if len(sys.argv) > 1 else "paper.md"), draw(DRAWS)
-    grid = recovered()
-    written.write_text(page(drawn, grid), encoding="utf-8")
-    (written.parent / TABLE3_FILE).write_text(table3(of_table3(nominal(), grid)), encoding="utf-8")
+    written.write_text(page(drawn, recovered()), encoding="utf-8")
     (written.parent / EVERY).write_text(every_draw(drawn), encoding="utf-8")
     if len(sys.argv) > 2:
         figures(Path(sys.argv[2]))

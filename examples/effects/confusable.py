@@ -23,6 +23,8 @@ SIGMA = np.array([1.5e-5] * 3 + [5e-5] * 3)
 ENERGY = 1000.0
 SETTINGS = {"rack_periodic": (0.04, 0.1), "rack_step": (-0.2, 0.05, 0.25)}
 DRAWS = 3
+LEAST = 0.5
+"""Smallest share of the true effect's gain that the table shows."""
 ROBOT = "gantry_tau"
 
 
@@ -86,17 +88,20 @@ def measured(robot: str) -> list[dict[str, object]]:
 
 
 def table(records: pd.DataFrame) -> str:
-    """The three best imitators of each effect."""
+    """Of each effect the imitators that have half of its gain, three at most; itself elsewhere where that has half of it."""
     # The best place of each imitator, and the median over the effect's own sites.
     best = records.groupby(["effect", "site", "imitator"])["share"].max().groupby(["effect", "imitator"]).median()
-    lines = ["| effect | the best imitators | itself at another site |", "|---|---|---|"]
+    lines, others = ["| effect | imitators |", "|---|---|"], []
     for name in effects_by_id():
         if name in best.index.get_level_values(0):
-            top = best[name].drop(name, errors="ignore").nlargest(3)
-            elsewhere = best[name].get(name)
-            others = ", ".join(f"`{imitator}` {100 * share:.0f} %" for imitator, share in top.items())
-            lines.append(f"| `{name}` | {others} | {'' if elsewhere is None else f'{100 * elsewhere:.0f} %'} |")
-    return "\n".join(lines)
+            top = best[name][best[name] >= LEAST].nlargest(3)
+            found = [
+                f"`{imitator}`{' at another site' * (imitator == name)} {100 * share:.0f} %"
+                for imitator, share in top.items()
+            ]
+            lines += [f"| `{name}` | {', '.join(found)} |"] if found else []
+            others += [] if found else [f"`{name}`"]
+    return "\n".join([*lines, "", f"No other hypothesis has half of the gain of {', '.join(others)}."])
 
 
 if __name__ == "__main__":

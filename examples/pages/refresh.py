@@ -25,7 +25,6 @@ from scores import (
     jugglebot,
     machine_scores,
     planted,
-    planted_earlier,
     planted_halves,
     real_causes,
     real_curves,
@@ -36,7 +35,6 @@ from scores import (
     sealed_score,
     sealed_sentence,
     worlds,
-    worlds_earlier,
 )
 from speed import arm_command_table, arm_table, command_table
 from speed import table as speed_table
@@ -60,10 +58,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "real_panda": real_panda,
     "real_plain": real_plain,
     "planted": planted,
-    "planted_earlier": planted_earlier,
     "planted_halves": planted_halves,
     "worlds": worlds,
-    "worlds_earlier": worlds_earlier,
     "installed": installed_table,
     "installed_extras": extras_table,
     "speed": speed_table,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 from collections.abc import Mapping
@@ -80,7 +81,10 @@ def sealed_sentence() -> str:
 
 def blind_runs() -> str:
     """The log of all full runs, which examples/blind/page.py keeps."""
-    return (RECORDS / "blind_runs.md").read_text(encoding="utf-8").strip()
+    with (RECORDS / "blind_runs.csv").open(encoding="utf-8", newline="") as log:
+        head, *rows = csv.reader(log)
+    lines = [f"| {' | '.join(row)} |" for row in (head, *rows)]
+    return "\n".join([lines[0], "|---" * len(head) + "|", *lines[1:]])
 
 
 def sealed_score() -> str:
@@ -92,8 +96,14 @@ def sealed_score() -> str:
 
 
 def machine_scores() -> str:
-    """The scores of the other machines with rods, as docs/blind.md has them."""
-    return _scores("machines.json")
+    """The scores of the other machines with rods together, as docs/blind.md has them: each has few cases."""
+    scores = _record("machines.json")
+    lines = ["| | cases | share |", "|---|---|---|"]
+    for name, words in MACHINE.items():
+        rows = [row for score in scores.values() for row in score["figures"] if row["figure"] == name and row["of"]]
+        of, total = sum(row["of"] for row in rows), sum(row["of"] * row["value"] for row in rows)
+        lines.append(f"| {words} | {f'{of} | {total / of:.2f}, mean' if 'F1' in words else share(round(total), of)} |")
+    return "\n".join([*lines, "", f"{', '.join(f'`{name}`' for name in scores)}. {_failed(scores)}"])
 
 
 def chain_scores() -> str:
@@ -161,16 +171,6 @@ def worlds() -> str:
     return "\n".join(lines)
 
 
-def worlds_earlier() -> str:
-    """The same of all sets, with the rules of their time, as the file of earlier sets has it."""
-    found = _record("worlds.json")
-    lines = ["| | " + " | ".join(found) + " |", "|---" * (len(found) + 1) + "|"]
-    for words, key, of in WORLDS:
-        cells = (f"{column[key]} of {column[of]}" if key in column else "" for column in found.values())
-        lines.append(f"| {words} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
-
-
 def share(good: int, of: int) -> str:
     """A count, and the share with Wilson's 95 % bounds: two cells of a table."""
     low, high = binomtest(good, of).proportion_ci(method="wilson")
@@ -198,19 +198,6 @@ def planted() -> str:
     for key in sorted(PLANTED, key=lambda key: found["all"][key][0] / found["all"][key][1]):
         cells = (_counted(found[machine], key) for machine in BACKGROUNDS)
         lines.append(f"| {PLANTED[key]} | {share(*found['all'][key])} | {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def planted_earlier() -> str:
-    """The same of the last sealed cases by energy, and of earlier cases, with the rules of their time."""
-    record = _record("planted.json")
-    found = record["sealed"]
-    sizes = sorted((key for key in found if key.startswith("E ") and "," not in key), key=lambda key: (len(key), key))
-    groups = {key: found[key] for key in sizes} | {name: sums["all"] for name, sums in record["earlier"].items()}
-    groups["training half"] = record["cases"]["all"]
-    lines = ["| | " + " | ".join(groups) + " |", "|---" * (len(groups) + 1) + "|"]
-    for key, words in PLANTED.items():
-        lines.append(f"| {words} | " + " | ".join(_counted(group, key) for group in groups.values()) + " |")
     return "\n".join(lines)
 
 
@@ -344,16 +331,10 @@ def real_panda() -> str:
     """The Panda with a ball in sockets: what is left at places that were not fitted."""
     record = json.loads((RECORDS / "real_panda.json").read_text(encoding="utf-8"))
     lines = [
-        "| place left out | rows | scatter, nominal | calibrated | sockets' distance off, nominal | calibrated |",
-        "|---|---|---|---|---|---|",
+        "| geometry | scatter, all places | worst place | sockets' distance off, worst place |",
+        "|---|---|---|---|",
     ]
-    for row in record["places"]:
-        off = [1e3 * row[key] for key in ("distance_error_nominal", "distance_error")]
-        scatter = [1e3 * row[key] for key in ("scatter_nominal", "scatter")]
-        lines.append(
-            f"| {row['place']} | {row['rows']} | {scatter[0]:.2f} mm | {scatter[1]:.3f} mm | {off[0]:+.2f} mm "
-            f"| {off[1]:+.3f} mm |"
-        )
-    every = [1e3 * record[key] for key in ("scatter_nominal", "scatter")]
-    lines.append(f"| all | | {every[0]:.2f} mm | {every[1]:.3f} mm | | |")
+    for words, end in (("nominal", "_nominal"), ("calibrated", "")):
+        worst = [1e3 * max(abs(row[key + end]) for row in record["places"]) for key in ("scatter", "distance_error")]
+        lines.append(f"| {words} | {1e3 * record['scatter' + end]:.3g} mm | {worst[0]:.3g} mm | {worst[1]:.2f} mm |")
     return "\n".join(lines)

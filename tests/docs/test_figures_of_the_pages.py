@@ -4,7 +4,6 @@ import json
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 from scipy.stats import t
 
@@ -53,22 +52,13 @@ WORDS = {3: "three", 4: "four", 5: "five"}
 P = priors.PRIORS
 CONSTANTS = {
     "diagnosis": (
-        f"at least {100 * priors.CLASS_SHARE:g} % of the leader's probability belongs to the class",
         f"each with a probability of {100 * priors.SURE:g} % or more",
-        f"(glossary.md#probability-temperature) of {P.temperature:g} or more",
-        f"The share is {100 * P.same:g} % at the same site over the same coordinates",
-        f"{100 * P.related:g} % for related hypotheses",
-        f"or both depend on load), {100 * P.other:g} % for all others",
-        f"With more than {noise.MOST_POSES:,} poses, the search uses",
-        f"no form of its own: there, odds of {np.exp(P.same_clock):.0f} to 1",
         f"gain: below {splitting.NONE_EXPECTED:g} nats, only",
         f"below {100 * PROMISED:g} %, how many rounds",
         f"with {SIMULATED} simulated",
         f"in {SESSIONS} further sessions",
         f"below {splitting.LEAST_EXPECTED:g} nat, the round and what",
         f"`--false-alarm` (default {FALSE_ALARM:g})",
-        f"a smooth function has parts with up to {SLOWEST_LINE:g} periods a turn",
-        f"at least {LEAST_TURNS:g} periods in the joint's range of commands where the joint has no",
         f"without a cause {P.silent:g} times the noise floor on left-out poses, or {P.excess:g} times the noise in the",
         f"with causes {100 * P.core_leaves:g} % of the gap",
         f"per degree of freedom exceeds {P.misfit:g}, the noise",
@@ -79,8 +69,19 @@ CONSTANTS = {
         f"each has a probability of {100 * priors.SURE:g} % or more",
         f"differ most from nominal (by more than {WORDS[int(CLEAR)]} sigmas)",
     ),
-    "speed": (f"Plots show at most {residual_plots.MOST:,} poses",),
+    "glossary": (
+        f"at least {100 * priors.CLASS_SHARE:g} % of the probability of the likeliest",
+        f"The temperature, {P.temperature:g} to ",
+        f"ln s ~ N(0, {P.scale_spread:g}²)",
+    ),
+    "speed": (
+        f"A diagnosis searches on at most {noise.MOST_POSES:,} poses",
+        f"Plots show at most {residual_plots.MOST:,} poses",
+    ),
     "statistics": (
+        f"else `other` ({100 * P.same:g}, {100 * P.related:g} and {100 * P.other:g} %)",
+        f"a smooth function has parts with up to {SLOWEST_LINE:g} periods a turn",
+        f"at least {LEAST_TURNS:g} periods in the joint's range of commands where the joint has no",
         f"out of {len(evidence.SCALES)} between {evidence.SCALES[0]:.2g} and {evidence.SCALES[-1]:g}",
         f"have at least {scan.ALIKE:g} of its gain",
         f"those with at least {scan.LIKELY:g} of the largest such gain",

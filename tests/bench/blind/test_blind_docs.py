@@ -1,5 +1,6 @@
 """The tables in docs and the log of all full runs, from a check's results."""
 
+import csv
 import datetime
 import json
 import re
@@ -36,14 +37,14 @@ def run_of(folder: Path, count: int, manifest: str) -> Path:
 
 @pytest.mark.slow
 def test_a_full_run_is_shown_and_logged_once(script: ModuleType, tmp_path: Path) -> None:
-    log, day = tmp_path / "log.md", datetime.date(2030, 1, 2)
+    log, day = tmp_path / "log.csv", datetime.date(2030, 1, 2)
     first, second = run_of(tmp_path / "one", 1000, "a"), run_of(tmp_path / "two", 1000, "b")
     for run in (first, second, first):
         script.logged(log, run, day)
-    rows = log.read_text().splitlines()[-2:]
-    assert [row.split(" | ")[4] for row in rows] == ["a" * 12, "b" * 12]
-    assert "gtpin blind -o DIR --cases 1000 --seed 3" in rows[0]
-    assert "| 0.750 |" in rows[0]
+    rows = list(csv.DictReader(log.read_text().splitlines()))
+    assert [row["manifest"] for row in rows] == ["a" * 12, "b" * 12]
+    assert rows[0]["command"] == "`gtpin blind -o DIR --cases 1000 --seed 3`"
+    assert rows[0]["strict, D > 63"] == "0.750"
     files = script.files(first)
     assert files[script.FAILURES].count("straightness@cart1 named instead") == 250
     assert re.search(r"^linearity,1000,0\.750,", files[script.EFFECTS], re.MULTILINE)
@@ -52,5 +53,5 @@ def test_a_full_run_is_shown_and_logged_once(script: ModuleType, tmp_path: Path)
 
 
 def test_a_small_run_is_not_logged(script: ModuleType, tmp_path: Path) -> None:
-    script.logged(tmp_path / "log.md", run_of(tmp_path / "one", 4, "a"), datetime.date(2030, 1, 2))
-    assert not (tmp_path / "log.md").exists()
+    script.logged(tmp_path / "log.csv", run_of(tmp_path / "one", 4, "a"), datetime.date(2030, 1, 2))
+    assert not (tmp_path / "log.csv").exists()
