@@ -34,6 +34,8 @@ from gtpin.comparison.compare import compare
 DRAWS = 24
 """Draws of the twin's errors, seeds 0 to 23."""
 
+TABLE3_FILE = "figures/paper_table3.md"
+
 INTRODUCTION = """# The paper, reproduced
 
 Dressler, Brogårdh and Robertsson, *A Kinematic Error Model for a Parallel Gantry-Tau Manipulator*, ICRA 2010, compared with what gtpin computes. `python examples/dressler2010/page.py docs/paper.md figures/` makes the page again, and figures like the paper's; `tests/paper` checks the numbers.
@@ -56,7 +58,7 @@ Gaussian closure residuals with the variance of Table II's final costs, propagat
 
 TABLE3 = """## Table III
 
-S_pos, S_rot and S_cost are sums over 61 poses, and over both signs of a step of 5e-5 of one parameter (m, rad, or without unit for track directions), of the change of position, of orientation (the absolute changes of the three ZYZ angles) and of a link's squared closure residual (its expectation over Gaussian residuals with the variance of Table II); without linearisation, as 61 times the mean over the grid. The Euler angles (ZYX) are of the transformation between two tracker frames. How far gtpin's numbers are from those printed, which have one or two digits:
+S_pos, S_rot and S_cost are sums over 61 poses, and over both signs of a step of 5e-5 of one parameter (m, rad, or without unit for track directions), of the change of position, of orientation (the absolute changes of the three ZYZ angles) and of a link's squared closure residual (its expectation over Gaussian residuals with the variance of Table II); without linearisation, as 61 times the mean over the grid. The Euler angles (ZYX) are of the transformation between two tracker frames. How far gtpin's numbers are from those printed, which have one or two digits ([all of them](figures/paper_table3.md)):
 """
 
 TWIN = """## A twin of the experiment
@@ -68,6 +70,11 @@ The twin simulates the machine, its grid of 176 poses, measured in one direction
 - The mean errors of models 3 to 5 are larger than printed, by {low:.0f} to {high:.0f} % over the draws: errors of the links of one cart are correlated, and the poses are held out.
 - Models 4 and 5 are {gap:.1f} um apart in the mean on the twin's grid and {other_gap:.1f} um on that of Table III, where 4 > 5 in {other} draws. The paper prints 10 um; its own Table II gives {from_table2:.1f} um.
 - Of {fits} comparisons by the pose cost, {aside} set poses aside as gross errors.
+"""
+
+TABLE3_HEAD = """# Table III, number by number
+
+[The paper, reproduced](../paper.md) says what is computed. A cell is: printed / gtpin's number.
 """
 
 COSTS = """## The two costs
@@ -86,6 +93,11 @@ def block(b: Block) -> str:
         cells = (f"{p:.3g}/{o:.3g}{s}" for p, o, s in zip(printed, ours, about, strict=True))
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
+
+
+def table3(blocks: Sequence[Block]) -> str:
+    """All numbers of Table III, a file of its own."""
+    return "\n".join([TABLE3_HEAD, *map(block, blocks)])
 
 
 def deviations(blocks: Sequence[Block]) -> str:
@@ -209,7 +221,9 @@ def figures(folder: Path) -> None:
 
 if __name__ == "__main__":
     written, drawn = Path(sys.argv[1] if len(sys.argv) > 1 else "paper.md"), draw(DRAWS)
-    written.write_text(page(drawn, recovered()), encoding="utf-8")
+    grid = recovered()
+    written.write_text(page(drawn, grid), encoding="utf-8")
+    (written.parent / TABLE3_FILE).write_text(table3(of_table3(nominal(), grid)), encoding="utf-8")
     (written.parent / EVERY).write_text(every_draw(drawn), encoding="utf-8")
     if len(sys.argv) > 2:
         figures(Path(sys.argv[2]))

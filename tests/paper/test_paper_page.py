@@ -29,9 +29,10 @@ def script() -> ModuleType:
 
 
 @pytest.fixture(scope="module")
-def told() -> dict[str, str]:
-    """The page in docs."""
-    return sections((ROOT / "docs" / "paper.md").read_text(encoding="utf-8"))
+def told(script: ModuleType) -> dict[str, str]:
+    """The page in docs, and the file with all numbers of Table III."""
+    pages = (ROOT / "docs" / name for name in ("paper.md", script.TABLE3_FILE))
+    return sections("".join(page.read_text(encoding="utf-8") for page in pages))
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +43,9 @@ def drawn(script: ModuleType) -> Any:
 
 @pytest.fixture(scope="module")
 def computed(script: ModuleType, drawn: Any) -> dict[str, str]:
-    """The page with it."""
-    return sections(script.page(drawn, RECOVERED))
+    """Both with it."""
+    blocks = script.of_table3(script.nominal(), RECOVERED)
+    return sections(script.page(drawn, RECOVERED) + script.table3(blocks))
 
 
 def every(text: str) -> np.ndarray:
