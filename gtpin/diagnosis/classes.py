@@ -75,10 +75,11 @@ def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis,
     temperature = priors.temperature_of(gains[mine].value)
 
     # Costs differ because a hypothesis at the site of a stronger cause may be that cause's departure from its equation. It may
-    # be so; where it explains as much as the cause, it stays in the class.
+    # be so; where it explains as much as the cause, it stays in the class, and the cause in its class.
     costs = {h: sum(hypotheses.costs((*rest.terms, h)).values()) for h in gains}
     log_odds = {
-        h: gain.value / temperature - min((costs[h] - costs[mine]) / temperature, priors.imitation)
+        h: gain.value / temperature
+        - float(np.clip((costs[h] - costs[mine]) / temperature, -priors.imitation, priors.imitation))
         for h, gain in gains.items()
     }
     likeliest, by_proxy = max(log_odds.values()), set()

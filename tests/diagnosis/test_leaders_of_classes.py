@@ -1,0 +1,41 @@
+"""The cause that a model has is the most probable of its class."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import gtpin
+
+NOISE, POSES, COMPLIANCE = 3e-5, 150, {1: 3e-6, 2: 6e-6}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_two_joints_that_give_way_lead_their_classes(seed: int) -> None:
+    """By Pinocchio alone. The search's penalty of a second cause like the first does not let another effect lead."""
+    robot = gtpin.load_robot("ur10")
+    model = pin.buildModelFromXML(robot.description.xml)
+    tool, data, rng = model.getFrameId("tool0"), model.createData(), np.random.default_rng(seed)
+    q, T = rng.uniform(-2.0, 2.0, (POSES, 6)), np.empty((POSES, 3))
+    for i, row in enumerate(q):
+        torque = pin.computeGeneralizedGravity(model, data, row)
+        given = row.copy()
+        for joint, compliance in COMPLIANCE.items():
+            given[joint] -= compliance * torque[joint]
+        pin.framesForwardKinematics(model, data, given)
+        T[i] = data.oMf[tool].translation
+    T += NOISE * rng.standard_normal(T.shape)
+    dataset = gtpin.Dataset("ur10", [f"p{i}" for i in range(POSES)], q, T, instrument={"position_sigma": NOISE})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gtpin.GtpinWarning)
+        found = gtpin.diagnose(dataset, exclude=["link_compliance"])
+    for cause in found.causes:
+        assert cause.probability == max(member.probability for member in cause.members)
+    by_site = {cause.site: cause for cause in found.causes if cause.effect == "joint_compliance"}
+    for joint, compliance in COMPLIANCE.items():
+        said = by_site[robot.sites[joint]].parameters["compliance"]
+        assert abs(said.value - compliance) < 4.0 * said.sigma
