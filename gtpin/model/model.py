@@ -270,7 +270,8 @@ class Model:
         tool = [p.tolerance for p in self.geometry.parameters if p.kind == "platform" and p.unit == "m"]
         tables = [one.table for one in self.instruments if not one.table.targetless]
         return bool(tables) and all(
-            (isinstance(table, TrackerTable) and table.target == "free") or table.target_sigma > max(tool, default=np.inf)
+            (isinstance(table, TrackerTable) and table.target == "free")
+            or table.target_sigma > max(tool, default=np.inf)
             for table in tables
         )
 
