@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -130,20 +131,49 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> ErrorResponse
     return ErrorResponse(fixed, np.concatenate(fresh, axis=2))
 
 
-def placed_best(motion: Floats, poses: Poses) -> Floats:
+def placed_best(motion: Floats, poses: Poses, *, base: bool = True, tool: bool = False) -> Floats:
     """Motions (N, 6, a) of the TCP at N poses, m and rad, each without the most that a motion of the whole machine explains.
 
     A free instrument does not show where the machine stands: such a motion is no error of the machine. Positions and rotations
-    count relative to what of each remains if the positions alone place the machine.
+    count relative to what of each remains if the positions alone place the machine. ``base``, ``tool``: whether a motion of
+    the whole machine, and a shift of the TCP on its link, are taken away.
     """
-    F, weight = frame_motions(poses.T - poses.T.mean(axis=0)), np.repeat([1.0, ALMOST], 3)
+    F, weight = frame_motions(poses.T - poses.T.mean(axis=0))[:, :, : 6 * base], np.repeat([1.0, ALMOST], 3)
+    if tool:
+        F = np.concatenate([F, np.concatenate([poses.R, np.zeros_like(poses.R)], axis=1)], axis=2)
     for _ in range(2):
-        flat = (F * weight[:, None]).reshape(-1, 6)
+        flat = (F * weight[:, None]).reshape(-1, F.shape[2])
         shift = np.linalg.lstsq(flat, (motion * weight[:, None]).reshape(len(flat), -1), rcond=None)[0]
         left = np.asarray(motion - F @ shift)
         size = np.sqrt([(left[:, part] ** 2).sum() for part in (slice(0, 3), slice(3, 6))])
         weight = np.repeat(1.0 / np.maximum(size, ALMOST * max(float(size.max()), 1e-300)), 3)
     return left
+
+
+@dataclass(frozen=True)
+class Undetermined:
+    """Root mean square motions of the TCP, m, by what data do not determine of a machine; their squares add up.
+
+    ``base``: where it stands, if the instrument's frame was free. ``tool``: where the tool sits, if the place of the target
+    was unknown. ``rest``: everything else.
+    """
+
+    base: float
+    tool: float
+    rest: float
+
+    @staticmethod
+    def of(model: Model, motion: Floats, poses: Poses) -> Undetermined:
+        """The parts of motions (N, 6, k), m and rad, by k independent standard normal unknowns at N poses of the tool.
+
+        ``model``: the model of the measurements.
+        """
+        stands = model.stands_anywhere
+        placed = placed_best(motion, poses) if stands else motion
+        rest = placed_best(motion, poses, base=stands, tool=True) if model.free_target else placed
+        powers = [float((one[:, :3] ** 2).sum(axis=(1, 2)).mean()) for one in (motion, placed, rest)]
+        base, tool = (float(np.sqrt(max(a - b, 0.0))) for a, b in itertools.pairwise(powers))
+        return Undetermined(base, tool, float(np.sqrt(powers[2])))
 
 
 def expected_error(
