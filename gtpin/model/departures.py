@@ -20,8 +20,6 @@ ZERO = TOLERANCE["zero"]
 GAIN = 3.0
 """Gain in log evidence, nats, from which a joint's zero is off by more than the tolerances explain: the prior odds are one in
 twenty joints. Assumed."""
-WIDENED = 3.0
-"""Ratio of a tolerance to that of the robot from which a calibration has widened it."""
 POSES = 300
 """Largest number of poses at which the TCP is displaced: a root mean square then has a relative standard error of 4 %."""
 
@@ -138,9 +136,12 @@ def with_zeros(geometry: Geometry, covariance: Floats) -> list[ParameterOrZero]:
     The log evidence of a further zero with the direction v is larger by m^2 / (2 (g + ZERO^-2)) - log(1 + ZERO^2 g) / 2, with
     m = v' (b - H B S B' b) and g = v' (H - H B S B' H) v. The zero with the largest gain is added, until none exceeds `GAIN`.
 
+    The prior covariances are those of the tolerances as declared (`declared_tolerance`): where a calibration widened some,
+    a zero may explain what they were widened for. Without such a zero the posterior is that of the fit.
+
     ``covariance``: C, (p, p). A parameter that is the rotation of a driven joint about its own axis is returned as its zero.
     """
-    size, left = _declared(geometry), _zeros(geometry)
+    size, left = geometry.declared_tolerance, _zeros(geometry)
     inverse = np.linalg.inv(covariance / np.outer(size, size))  # all in units of the declared tolerances
     power, axes = np.linalg.eigh(inverse - np.diag((size / geometry.tolerance) ** 2))
     H, b = axes * np.maximum(power, 0.0) @ axes.T, inverse @ (geometry.deviation / size)
@@ -159,6 +160,8 @@ def with_zeros(geometry: Geometry, covariance: Floats) -> list[ParameterOrZero]:
         B = np.column_stack([B, ZERO * chosen[-1][2] / size])
     prior = np.append(size, np.full(len(chosen), ZERO))
     mean, joint, every = prior * (S @ B.T @ b), np.outer(prior, prior) * S, np.eye(len(prior))
+    if not chosen:  # nothing but the fit itself
+        mean, joint = geometry.deviation, covariance
     rows = {p.name: (p.unit, every[k, : len(size)], every[k]) for k, p in enumerate(geometry.parameters)}
     rows |= {name: (unit, way, every[len(size) + k]) for k, (name, unit, way) in enumerate(chosen)}
     beyond = {name for name, _, _ in chosen}
@@ -171,19 +174,6 @@ def with_zeros(geometry: Geometry, covariance: Floats) -> list[ParameterOrZero]:
         ParameterOrZero(name, unit, way, float(parts @ mean), float(np.sqrt(parts @ joint @ parts)), name in beyond)
         for name, (unit, way, parts) in rows.items()
     ]
-
-
-def _declared(geometry: Geometry) -> Floats:
-    """(p,) tolerances before a calibration widened those of parameters far from nominal."""
-    usual = {p.name: p.tolerance for p in Geometry.nominal(geometry.robot).parameters}
-    return np.array(
-        [
-            usual.get(p.name, p.tolerance)
-            if p.tolerance >= WIDENED * usual.get(p.name, np.inf) and not p.is_free
-            else p.tolerance
-            for p in geometry.parameters
-        ]
-    )
 
 
 def _zeros(geometry: Geometry) -> list[tuple[str, str, Floats]]:
