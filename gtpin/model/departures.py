@@ -10,6 +10,7 @@ import numpy as np
 from gtpin.kinematics.placed import carrier_rates, joints_on_carrier
 from gtpin.model.dh import table_with_base
 from gtpin.model.model import Model
+from gtpin.model.place import free_motions, without_place
 from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import TOLERANCE
@@ -32,8 +33,8 @@ class Departure:
     - ``site``, ``what``: the part that has it and the quantity, as in the name.
     - ``value``, ``sigma``: its value less the nominal one and the standard deviation, in ``unit``: m, rad or m/m.
     - ``determined``: whether the data determine it.
-    - ``displacement``: (N, 3) displacement of the TCP by it, m, base frame. Where the pose of the instrument in the base
-      frame is unknown, the rigid motion that fits best is subtracted.
+    - ``displacement``: (N, 3) displacement of the TCP by it, m, base frame, without what a motion of the whole machine
+      explains that no instrument shows (:mod:`~gtpin.model.place`).
     - ``reversed``: whether it is a length ``a`` of a table in which it is negative: the link is shorter where it increases.
     """
 
@@ -79,8 +80,7 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
     if not len(q):
         return ()
     J = middle.geometry_jacobian(q, poses)[:, :3]
-    if model.stands_anywhere:
-        J = _without_rigid_motion(J, poses.T)
+    J = without_place(J, poses.T, free_motions(model))
     table, found = table_with_base(model), []
     # Where the place of the target is unknown, the data say nothing of the tool.
     target = geometry.target is not None
@@ -99,16 +99,6 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
                 numbers, moved = (one.value, one.sigma, one.unit, True), J @ one.way * one.value
                 found.append(Departure(one.name, rest.partition("]")[0], what, *numbers, moved))
     return tuple(sorted(found, key=lambda one: -one.position_rms))
-
-
-def _without_rigid_motion(J: Floats, T: Floats) -> Floats:
-    """(N, 3, p) derivatives without the rigid motions of all points T (N, 3) that fit them best."""
-    x, y, z = (T - T.mean(axis=0)).T
-    o, one = np.zeros_like(x), np.ones_like(x)
-    ways = np.stack([[one, o, o, o, z, -y], [o, one, o, -z, o, x], [o, o, one, y, -x, o]], axis=0)  # (3, 6, N)
-    rigid = np.moveaxis(ways, 2, 0).reshape(-1, 6)
-    flat = J.reshape(-1, J.shape[2])
-    return np.asarray(flat - rigid @ np.linalg.lstsq(rigid, flat, rcond=None)[0]).reshape(J.shape)
 
 
 class ParameterOrZero(NamedTuple):
