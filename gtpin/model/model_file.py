@@ -64,7 +64,14 @@ class UnexplainedRecord(Record):
 class ModelFile(Record):
     """The whole of ``model.json``; docs/export.md explains the keys."""
 
-    optional = ("target", "held", "widened", "joint_covariance", "fit", "unexplained")  # older versions do not know them
+    optional = (
+        "target",
+        "held",
+        "widened",
+        "joint_covariance",
+        "fit",
+        "unexplained",
+    )  # older versions do not know them
     schema_: Literal["gtpin-model/1"] = Field(alias="schema")
     robot: str
     nominal_urdf: str
