@@ -134,9 +134,9 @@ class InstrumentTable(BaseModel):
         return ()
 
     def place_information(self, up: Floats) -> Floats:
-        """(6, 6) information of its declared place on three shifts of the machine, m, and three rotations, rad, about the base's
-        origin: what its readings would show if they had no noise. By default, all six exactly. ``up``: (3,) unit vector
-        against gravity, base frame."""
+        """(6, 6) information of its declared place on three shifts of the machine, m, and three rotations, rad, about the
+        base's origin: what its readings would show if they had no noise. By default, all six exactly. ``up``: (3,) unit
+        vector against gravity, base frame."""
         return shows_place(0.0, np.eye(6))
 
 

@@ -15,8 +15,8 @@ from gtpin.typing import Floats
 POSES = 30
 """Number of poses at which the tolerances are compared with motions of the whole machine."""
 CLOSE = 1e-6
-"""Standard deviation, m and rad, of what may be left of such a motion after parameters have imitated it. Assumed: as small as the
-noise of instruments."""
+"""Standard deviation, m and rad, of what may be left of such a motion after parameters have imitated it. Assumed: as small as
+the noise of instruments."""
 ALMOST = 1e-3
 """Weight of rotations, 1/rad, beside that of positions, 1/m, if they shall decide only what positions leave open."""
 

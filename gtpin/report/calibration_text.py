@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.accuracy.expected import Uncertainty, response
-from gtpin.accuracy.workspace import default_commands
+from gtpin.accuracy.workspace import FLAT, default_commands
 from gtpin.calibration.observability import Remedy
 from gtpin.calibration.result import Calibration, InstrumentFit
 from gtpin.data.read_instruments import SIGMAS
@@ -50,10 +50,12 @@ def elsewhere(c: Calibration) -> list[str]:
     if not known or expected <= max(known):
         return []
     poses = c.model.predict(c.dataset.q[c.used(c.dataset)]).T
-    box = " x ".join(f"{size:.2g}" for size in np.ptp(poses, axis=0))
+    sizes = np.ptp(poses, axis=0)
+    box = " x ".join(f"{size:.2g}" for size in sizes[sizes > FLAT * sizes.max()])
     where = f", beside where the machine stands ({length(place)}), which no instrument shows" if place > 0.0 else ""
     return [
-        f"The left-out poses are in a box of {box} m. In the rest of the workspace, expect an error of {length(expected)}{where}."
+        f"The left-out poses are in a box of {box} m. "
+        f"In the rest of the workspace, expect an error of {length(expected)}{where}."
     ]
 
 

@@ -84,9 +84,9 @@ def rigid_fit(moved: np.ndarray, T: np.ndarray) -> np.ndarray:
 
 def test_what_is_left_is_what_the_best_rigid_fit_leaves() -> None:
     rng = np.random.default_rng(1)
-    T = rng.uniform(-0.5, 0.5, (60, 3)) + [0.0, 0.0, 1.0]
+    T = rng.uniform(-0.5, 0.5, (60, 3)) + np.array([0.0, 0.0, 1.0])
     shape = 1e-5 * rng.standard_normal((60, 3))
-    moved = Rotation.from_rotvec([2e-5, -1e-5, 3e-5]).apply(T) + [1e-3, 2e-3, -1e-3] + shape
+    moved = Rotation.from_rotvec([2e-5, -1e-5, 3e-5]).apply(T) + np.array([1e-3, 2e-3, -1e-3]) + shape
     np.testing.assert_allclose(without_place(moved - T, T, np.eye(6)), rigid_fit(moved, T), atol=2e-8)
     np.testing.assert_array_equal(without_place(moved - T, T, np.zeros((6, 0))), moved - T)
 
@@ -97,7 +97,7 @@ def measured(folder: Path, rng: np.random.Generator, *, bed: bool) -> tuple[gtpi
     off = geometry.tolerance * rng.standard_normal(len(geometry.names))
     truth = gtpin.Model(geometry.with_values(geometry.values + off))
     q = DELTA.robot.home_q + rng.uniform(-0.15, 0.15, (60, 3))
-    seen = Rotation.from_rotvec([0.1, -0.2, 0.7]).apply(truth.predict(q).T) + [1.0, 2.0, 0.5]
+    seen = Rotation.from_rotvec([0.1, -0.2, 0.7]).apply(truth.predict(q).T) + np.array([1.0, 2.0, 0.5])
     seen += 2e-5 * rng.standard_normal((60, 3))
     numbers = {f"q{i + 1}": q[:, i] for i in range(3)} | dict(zip("xyz", seen.T, strict=True))
     pd.DataFrame({"pose": range(60), **numbers}).to_csv(folder / "laser.csv", index=False)

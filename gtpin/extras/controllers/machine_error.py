@@ -61,8 +61,8 @@ def touches_one_plane(model: Model) -> bool:
 
 
 def motions_of_no_error(model: Model) -> Floats:
-    """(6, k) motions of the machine that are no error: those that no instrument shows, or where touches of one plane are all that
-    was measured, the place of a print on its bed (shifts along x and y, and turns about z)."""
+    """(6, k) motions of the machine that are no error: those that no instrument shows, or where touches of one plane are all
+    that was measured, the place of a print on its bed (shifts along x and y, and turns about z)."""
     return np.eye(6)[:, [0, 1, 5]] if touches_one_plane(model) else free_motions(model)
 
 
