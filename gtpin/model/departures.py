@@ -10,7 +10,7 @@ import numpy as np
 from gtpin.kinematics.placed import carrier_rates, joints_on_carrier
 from gtpin.model.dh import table_with_base
 from gtpin.model.model import Model
-from gtpin.model.place import free_motions, without_place
+from gtpin.model.place import free_motions, relative_to_others, without_place
 from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import TOLERANCE
@@ -36,6 +36,7 @@ class Departure:
     - ``displacement``: (N, 3) displacement of the TCP by it, m, base frame, without what a motion of the whole machine
       explains that no instrument shows (:mod:`~gtpin.model.place`).
     - ``reversed``: whether it is a length ``a`` of a table in which it is negative: the link is shorter where it increases.
+    - ``relative``: whether it is known relative to other parameters alone: a common motion of the machine is not determined.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Departure:
     determined: bool
     displacement: Floats = field(repr=False, compare=False)
     reversed: bool = False
+    relative: bool = False
 
     @property
     def position_rms(self) -> float:
@@ -93,11 +95,13 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
             moved = J @ row.motion * row.correction
             found.append(Departure(name, row.site, what, *numbers, moved, row.name == "a" and row.nominal < 0.0))
     if not table:
+        relative = dict(zip(geometry.names, relative_to_others(model, covariance).tolist(), strict=True))
         for one in with_zeros(geometry, covariance):
             what, _, rest = one.name.partition("[")
             if what.partition(".")[0] != "platform" or not target:
                 numbers, moved = (one.value, one.sigma, one.unit, True), J @ one.way * one.value
-                found.append(Departure(one.name, rest.partition("]")[0], what, *numbers, moved))
+                known = relative.get(one.name, False)
+                found.append(Departure(one.name, rest.partition("]")[0], what, *numbers, moved, relative=known))
     return tuple(sorted(found, key=lambda one: -one.position_rms))
 
 

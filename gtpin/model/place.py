@@ -10,7 +10,7 @@ from gtpin.instruments.instrument import up_of
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.model.model import Model
 from gtpin.real import generator
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 POSES = 30
 """Number of poses at which the tolerances are compared with motions of the whole machine."""
@@ -19,6 +19,8 @@ CLOSE = 1e-6
 the noise of instruments."""
 ALMOST = 1e-3
 """Weight of rotations, 1/rad, beside that of positions, 1/m, if they shall decide only what positions leave open."""
+MOST = 0.5
+"""Share of a parameter's variance from which it is known relative to others alone."""
 
 
 def free_motions(model: Model) -> Floats:
@@ -38,6 +40,30 @@ def free_motions(model: Model) -> Floats:
         return np.eye(6)
     if np.linalg.eigvalsh(places)[0] > CLOSE**-2:
         return np.zeros((6, 0))
+    J, F = _derivatives(model)
+    M = F.T @ np.linalg.solve(J @ J.T + CLOSE**2 * np.eye(len(J)), F)
+    values, vectors = eigh(places, (M + M.T) / 2.0)
+    return np.asarray(vectors[:, values < 1.0])
+
+
+def relative_to_others(model: Model, covariance: Floats) -> Mask:
+    """(p,) parameters that are known relative to others alone: most of their variance is that of motions of the whole machine.
+
+    ``covariance``: (p, p) of the parameters. The free motions F V (see :func:`free_motions`) are imitated by the changes
+    B = J' (J J' + s^2 I)^-1 F V, in units of the tolerances. With Q an orthonormal basis of their span, the part Q Q' of the
+    parameters has the variances that are compared.
+    """
+    free, size = free_motions(model), model.geometry.tolerance
+    if not free.shape[1]:
+        return np.zeros(len(size), dtype=bool)
+    J, F = _derivatives(model)
+    Q = np.linalg.qr(J.T @ np.linalg.solve(J @ J.T + CLOSE**2 * np.eye(len(J)), F @ free))[0]
+    own = covariance / np.outer(size, size)
+    return np.asarray(((Q @ (Q.T @ own @ Q)) * Q).sum(axis=1) > MOST * own.diagonal())
+
+
+def _derivatives(model: Model) -> tuple[Floats, Floats]:
+    """(m, p) and (m, 6) derivatives of poses by the geometry, in units of its tolerances, and by motions of the machine."""
     kinematics, geometry = model.kinematics, model.geometry
     lower, upper = model.robot.ends
     home = model.robot.home_q
@@ -46,11 +72,8 @@ def free_motions(model: Model) -> Floats:
     poses = kinematics.forward(q)
     q, poses = (q[poses.reached], poses[poses.reached]) if poses.reached.any() else (home[None], kinematics.home)
     c = 3 if geometry.positions_only else 6
-    J = (kinematics.geometry_jacobian(q, poses)[:, :c] * geometry.tolerance).reshape(len(q) * c, -1)
-    F = frame_motions(poses.T)[:, :c].reshape(-1, 6)
-    M = F.T @ np.linalg.solve(J @ J.T + CLOSE**2 * np.eye(len(J)), F)
-    values, vectors = eigh(places, (M + M.T) / 2.0)
-    return np.asarray(vectors[:, values < 1.0])
+    J = kinematics.geometry_jacobian(q, poses)[:, :c] * geometry.tolerance
+    return J.reshape(len(q) * c, -1), frame_motions(poses.T)[:, :c].reshape(-1, 6)
 
 
 def _declared_places(model: Model) -> Floats:

@@ -180,7 +180,7 @@ def parameter_rows(cause: Cause) -> list[list[str]]:
 
 
 def _in_words(name: str) -> str:
-    """The name of a parameter of an effect in words; ``end_to_end[2]`` is what goes with the range of the second other drive."""
+    """The name of a parameter of an effect; ``end_to_end[2]`` is what goes with the range of the second other drive."""
     return re.sub(r"^end to end\[(\d+)\]$", r"over the range of other drive \1", name.replace("_", " "))
 
 

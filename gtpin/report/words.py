@@ -76,8 +76,8 @@ def quantity(value: float, unit: str, sigma: float | None = None, *, alone: bool
     """A value with its standard deviation, without a line break: ``25.00 ± 0.90 µm``.
 
     Both have the decimals with which the standard deviation has two significant digits; a value alone has three. ``alone``:
-    the standard deviation is not written: it only takes digits from the value that are not known. Below a picometre or a picorad
-    a value is rounding, and written as 0.
+    the standard deviation is not written: it only takes digits from the value that are not known. Below `ROUNDING` a value in
+    m or rad is written as 0.
     """
     value = 0.0 if unit in ("m", "rad") and abs(value) < ROUNDING else value
     size = max(abs(value), sigma or 0.0)

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.accuracy.expected import Uncertainty, response
+from gtpin.data import InstrumentSection
 from gtpin.data.instrument_tables import (
     EncoderTable,
     InstrumentTable,
@@ -18,8 +19,10 @@ from gtpin.data.instrument_tables import (
     TiltTable,
     TrackerTable,
 )
+from gtpin.model.departures import departures
 from gtpin.model.model import FittedInstrument
 from gtpin.model.place import free_motions, without_place
+from gtpin.report.geometry import geometry_line
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 DELTA = gtpin.read_model("linear_delta")
@@ -132,3 +135,18 @@ def test_a_bed_beside_a_free_tracker_does_not_make_the_stated_error_larger_and_i
     assert np.mean(said) < 1.1 * np.mean(alone)
     # The mean square of ten machines, each with ten or more directions that are open, is known to a third.
     assert np.mean(truth) == pytest.approx(np.mean(said), rel=0.5)
+
+
+@pytest.mark.parametrize(("frame", "common"), [("free", True), ("robot", False)])
+def test_a_first_screen_says_that_a_common_tilt_of_all_tracks_is_not_determined_where_it_is_not(frame, common) -> None:
+    geometry, rng, lean = DELTA.geometry, np.random.default_rng(2), 12e-3
+    tracks = [name for name in geometry.names if name.startswith("track_direction") and name.endswith(".a")]
+    truth = gtpin.Model(geometry.with_values(geometry.values + lean * (np.array(geometry.names) == tracks[1])))
+    q = DELTA.robot.home_q + rng.uniform(-0.2, 0.2, (80, 3))
+    T = truth.predict(q).T + 2e-5 * rng.standard_normal((80, 3))
+    ids = [str(i) for i in range(80)]
+    given = InstrumentSection(frame=frame, position_sigma=2e-5)
+    found = departures(gtpin.calibrate(gtpin.Dataset("linear_delta", ids, q, T, instrument=given)).model, q)
+    assert ("A common tilt of all tracks is not determined" in geometry_line(found)) is common
+    one = {departure.name: departure for departure in found}
+    assert one[tracks[1]].value - one[tracks[0]].value == pytest.approx(lean, rel=0.25)
