@@ -80,7 +80,7 @@ def _declared_places(model: Model) -> Floats:
     """(6, 6) information of all instruments' declared places on motions of the machine: see :func:`free_motions`."""
     if model.instruments:
         up = up_of(model.robot)
-        return np.sum([one.table.place_information(up) for one in model.instruments], axis=0)
+        return np.asarray(sum(one.table.place_information(up) for one in model.instruments))
     return shows_place(0.0, np.eye(6)) if model.frame.is_base else np.zeros((6, 6))
 
 
