@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -129,6 +130,32 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> ErrorResponse
     if uncertainty.repeatability > 0.0:
         fresh.append(kinematics.command_jacobian(q, poses)[:, :6] * uncertainty.repeatability)
     return ErrorResponse(fixed, np.concatenate(fresh, axis=2), whole - fixed)
+
+
+@dataclass(frozen=True)
+class Undetermined:
+    """Root mean square motions of the TCP, m, by what data do not determine of a machine; their squares add up.
+
+    ``base``: where it stands, as far as no instrument shows it (:mod:`~gtpin.model.place`). ``tool``: where the tool sits, if the place of the target
+    was unknown. ``rest``: everything else.
+    """
+
+    base: float
+    tool: float
+    rest: float
+
+    @staticmethod
+    def of(model: Model, motion: Floats, poses: Poses) -> Undetermined:
+        """The parts of motions (N, 3, k), m, by k independent standard normal unknowns at N poses of the tool.
+
+        ``model``: the model of the measurements.
+        """
+        free = free_motions(model)
+        placed = without_place(motion, poses.T, free)
+        rest = without_place(motion, poses.T, free, poses.R) if model.free_target else placed
+        powers = [float((one**2).sum(axis=(1, 2)).mean()) for one in (motion, placed, rest)]
+        base, tool = (float(np.sqrt(max(a - b, 0.0))) for a, b in itertools.pairwise(powers))
+        return Undetermined(base, tool, float(np.sqrt(powers[2])))
 
 
 def expected_error(

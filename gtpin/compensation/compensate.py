@@ -19,8 +19,11 @@ TOLERANCE = 1e-9
 """Largest accepted error of the TCP, m and rad."""
 STEPS = 25
 """Largest number of Newton steps."""
-NOT_THE_MACHINE = ("frame", "platform")
-"""Sites of effects of the measurement, which do not move the TCP and are not corrected."""
+NOT_THE_MACHINE = {
+    "frame": "it moves the instrument, not the machine",
+    "platform": "it moves the target; the data do not show whether the tool moves with it",
+}
+"""Sites of effects of the measurement, which are not corrected, and why."""
 
 
 def machine_of(model: Model) -> Model:
@@ -30,8 +33,9 @@ def machine_of(model: Model) -> Model:
     A warning lists the omitted effects.
     """
     left = [effect.name for effect in model.effects if effect.site in NOT_THE_MACHINE]
-    if left:
-        warn(f"not the machine's, so not corrected: {', '.join(left)}")
+    for site, why in NOT_THE_MACHINE.items():
+        if names := [effect.name for effect in model.effects if effect.site == site]:
+            warn(f"not corrected: {', '.join(names)}: {why}")
     return replace(model.of_tool().without(left), frame=Frame())
 
 

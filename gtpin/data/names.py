@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from difflib import get_close_matches
 from typing import Literal
 
@@ -66,6 +66,15 @@ def lookalikes(names: Collection[str]) -> dict[str, str]:
     """The names that nearly equal a known covariate, each with that covariate; without those whose covariate is there too."""
     found = {name: known_lookalike(name) for name in names}
     return {name: known for name, known in found.items() if known is not None and known not in names}
+
+
+def lookalike_words(alike: Mapping[str, str]) -> str:
+    """What happens to columns whose names nearly equal known ones, as text."""
+    pairs = ", ".join(f"{name!r} is not {known!r}" for name, known in alike.items())
+    return (
+        f"{pairs}: kept as covariates of their own, which no effect of gtpin's looks at; rename them if the known ones are "
+        "meant"
+    )
 
 
 def is_approach(name: str) -> bool:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtpin.data.names import ORIENTATION, command_names, is_command, kind_of, lookalikes
+from gtpin.data.names import ORIENTATION, command_names, is_command, kind_of, lookalike_words, lookalikes
 from gtpin.errors import DatasetError, warn
 from gtpin.typing import Floats
 
@@ -165,13 +165,8 @@ class DataTable:
         words = [name for name in names if name not in self.columns]
         if words:
             warn(f"{self.file}: {', '.join(words)}: no numbers, so no covariate; ignored")
-        alike = lookalikes(names)
-        if alike:
-            pairs = ", ".join(f"{name!r} is not {known!r}" for name, known in alike.items())
-            warn(
-                f"{self.file}: {pairs}: kept as covariates of their own, which no effect of gtpin's looks at; "
-                "rename them if the known ones are meant"
-            )
+        if alike := lookalikes(names):
+            warn(f"{self.file}: {lookalike_words(alike)}")
 
     def _why(self, name: str) -> str:
         alike = [other for other in self.names if _plain(other) == _plain(name)]

@@ -61,11 +61,10 @@ def fit_together(
         ) from error
     covariance, tolerance, p = found.covariance, start.geometry.tolerance, len(deviation)
     joint = problem.joint_covariance(covariance) if causes else None
-    fitted, unexplained = start.fit, start.unexplained
+    fitted, unexplained = start.fit, _unexplained(problem, found, observed.noise)
     if observed.measured.tracked:
         dof = max(found.residual.size - found.effective_parameters, 1.0)
         chi2 = float(found.weight @ (found.residual**2).sum(axis=1))
-        unexplained = _unexplained(problem, found, observed.noise)
         fitted = FitConditions.of(observed.noise, chi2, dof, observed.covariates, unexplained)
     return replace(
         found.point.model,

@@ -9,7 +9,7 @@ from pathlib import Path
 from gtpin.compensation.correctable import drive_scales
 from gtpin.compensation.machine import check_session
 from gtpin.errors import GtpinError, RobotError, check_kind, warn
-from gtpin.export.loss import assumed_tool, left_out, with_losses
+from gtpin.export.loss import assumed_base, assumed_tool, left_out, with_losses
 from gtpin.export.urdf import changed_origins, side_file, with_anchors, with_transmissions
 from gtpin.export.writer import Export, TablesFor, Writer
 from gtpin.extensions import extension_names, extensions
@@ -118,12 +118,14 @@ def _urdf(model: Model, file: Path, session: str | None, tables: TablesFor) -> E
     scales, carried = drive_scales(model)
     urdf = with_transmissions(calibrated_urdf(model), model.robot, scales)
     missing = left_out(model)
-    return Export({file.name: urdf}, missing, in_transmissions=tuple(name for name in missing if name in carried))
+    transmitted = tuple(name for name in missing if name in carried)
+    return Export({file.name: urdf}, missing, assumed_base(model), in_transmissions=transmitted)
 
 
 def _parallel_robots(model: Model, file: Path, session: str | None, tables: TablesFor) -> Export:
     robot = calibrated_chain(model)
-    return Export({file.name: side_file(robot), f"{file.stem}.urdf": with_anchors(robot)}, left_out(model))
+    files = {file.name: side_file(robot), f"{file.stem}.urdf": with_anchors(robot)}
+    return Export(files, left_out(model), assumed_base(model))
 
 
 def _diff(model: Model, file: Path, session: str | None, tables: TablesFor) -> Export:
@@ -132,7 +134,7 @@ def _diff(model: Model, file: Path, session: str | None, tables: TablesFor) -> E
     if robot.kind != "urdf":
         raise RobotError(f"{robot.name} was read from an MJCF, which has no origins", hint="write its URDF or MJCF")
     text = changed_origins(robot.xml, calibrated_urdf(after), f"{robot.name}.urdf")
-    return Export({file.name: text}, left_out(model))
+    return Export({file.name: text}, left_out(model), assumed_base(model))
 
 
 OWN = {

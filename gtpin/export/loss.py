@@ -6,15 +6,16 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 
+from gtpin.accuracy.expected import Undetermined
 from gtpin.compensation.correctable import geometric_scales
 from gtpin.compensation.machine import needed_by
 from gtpin.data.names import is_approach
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import Column, OperatingPoints
 from gtpin.kinematics.poses import Poses
-from gtpin.model.model import Model
+from gtpin.model.model import Model, root_of
+from gtpin.model.place import free_motions
 from gtpin.paper.geometry import PaperGeometry
 from gtpin.robot.parameters import DIRECTIONS
 from gtpin.typing import Floats
@@ -40,6 +41,7 @@ def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
     """
     if not names:
         return names
+    model = model.of_tool()
     active = {effect.name: effect for effect in model.effects}
     found = []
     for name in names:
@@ -73,6 +75,14 @@ def rms(moved: Floats) -> float:
     return float(np.sqrt((moved[:, :3] ** 2).sum(axis=1).mean()))
 
 
+def um(metres: float) -> str:
+    """A length as text, um."""
+    size = 1e6 * metres
+    if size < 0.01:
+        return "under 0.01"
+    return f"{size:.3g}" if size < 999.5 else f"{size:.0f}"
+
+
 def ranges(model: Model) -> tuple[Floats, Floats]:
     """(n,) smallest and largest commands of the fit; without a fit, the robot's limits, or -pi and pi where it has none."""
     lower, upper = model.robot.ends
@@ -98,7 +108,7 @@ def both_approaches(count: int) -> Floats:
 
 
 def by_effect(active: ActiveEffect, at: OperatingPoints) -> Floats:
-    """(N, 6) motion of the measured TCP by an effect, m and rad, to first order."""
+    """(N, 6) motion of the TCP by an effect, m and rad, to first order."""
     return np.asarray(active.basis(at).displacement(at)[:, :6] @ active.coefficients)
 
 
@@ -166,15 +176,34 @@ def _conditions(model: Model, active: ActiveEffect) -> str | None:
 
 def assumed_tool(model: Model) -> tuple[str, ...]:
     """What is assumed of the tool, as a text, where the place of the measured target was unknown; else none."""
-    target = model.geometry.target
-    if target is None:
+    if not model.free_target:
         return ()
-    tool = {p.name: p.tolerance for p in model.geometry.at_tool().parameters}
-    x, y, z = 1e3 * pin.exp6(target).translation
-    assumed = f"{1e3 * tool['platform.x']:.2g} mm and {1e3 * tool['platform.rx']:.2g} mrad"
+    tool = {p.name: p.tolerance for p in model.geometry.at_tool().parameters if p.kind == "platform"}
+    assumed = (
+        f" (assumed: to {1e3 * tool['platform.x']:.2g} mm and {1e3 * tool['platform.rx']:.2g} mrad)" if tool else ""
+    )
+    places = (", ".join(f"{1e3 * at:.3f}" for at in place.translation) for place in model.targets.values())
+    sat = f"; the target sat at {' mm and at '.join(places)} mm in the frame of the tool" if model.targets else ""
     return (
-        f"has the tool, {model.robot.tcp_frame}, where the robot's own file has it (assumed: to {assumed}): a free target "
-        f"does not show it; the target sat at {x:.3f}, {y:.3f}, {z:.3f} mm in the frame of the tool",
+        f"has the tool, {model.robot.tcp_frame}, where the robot's own file has it{assumed}: a free target does not show "
+        f"it{sat}",
+    )
+
+
+def assumed_base(model: Model) -> tuple[str, ...]:
+    """What is assumed of where the machine stands, as a text, as far as no instrument shows it; else none."""
+    if not free_motions(model).size:
+        return ()
+    words = "is in the base frame, as the tolerances give it: no instrument shows where the base stands"
+    tool, size = model.of_tool(), len(model.geometry.parameters)
+    covariance = tool.covariance if tool.joint_covariance is None else tool.joint_covariance[:size, :size]
+    if covariance is None:
+        return (words,)
+    q, poses = postures(tool)
+    parts = Undetermined.of(model, tool.kinematics.geometry_jacobian(q, poses)[:, :3] @ root_of(covariance), poses)
+    sits = f"where the tool sits, {um(parts.tool)} um; " if parts.tool else ""
+    return (
+        f"{words} (expected at the TCP: {um(parts.base)} um; {sits}everything else of the geometry, {um(parts.rest)} um)",
     )
 
 
@@ -182,7 +211,7 @@ def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:
     """Names of parts of a model, beyond straight tracks, rods and joints, that a file can't represent.
 
     ``carried``: parts that the file represents, of these names: ``effect@site``, ``drive scales``, ``directions of single
-    rods``, ``measured tracks``, ``instrument's frame``.
+    rods``, ``measured tracks``.
     """
     geometry = model.geometry
     moved = [p for p, d in geometry.all_deviations if d != 0.0]
@@ -190,7 +219,6 @@ def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:
         "drive scales": any(p.kind == "scale" for p in moved),
         "directions of single rods": any(p.kind in DIRECTIONS and p.part not in geometry.robot.sites for p in moved),
         "measured tracks": isinstance(geometry, PaperGeometry) and any(track is not None for track in geometry.tracks),
-        "instrument's frame": not model.frame.is_base,
     }
     names = [name for name, there in has.items() if there] + [active.name for active in model.effects]
     return tuple(name for name in names if name not in carried)

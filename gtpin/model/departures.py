@@ -85,7 +85,7 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
     J = without_place(J, poses.T, free_motions(model))
     table, found = table_with_base(model), []
     # Where the place of the target is unknown, the data say nothing of the tool.
-    target = geometry.target is not None
+    target = model.free_target
     slides = {actuator.site for actuator in model.robot.actuators if not actuator.revolute}
     for row in table:
         what = "zero" if row.name == ("d" if row.site in slides else "theta") else row.name

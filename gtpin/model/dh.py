@@ -51,7 +51,7 @@ def controller_table(model: Model) -> tuple[DhParameter, ...]:
     Empty where the robot is not a serial arm, or the geometry lacks the six parameters of a joint or of the TCP. Without the
     tool where the place of the measured target was unknown: the data then say nothing of the tool.
     """
-    left = ("base",) if model.geometry.target is None else ("base", "tool")
+    left = ("base", "tool") if model.free_target else ("base",)
     return tuple(p for p in table_with_base(model) if p.site not in left)
 
 

@@ -259,6 +259,22 @@ class Model:
         }
         return dict(zip(("target",), found.values(), strict=True)) if len(found) == 1 else found
 
+    @property
+    def free_target(self) -> bool:
+        """Whether the place of every measured target on the tool was unknown: the data then show nothing of the tool.
+
+        So it is where a target was declared ``free``, or only to within more than the tool's own tolerance.
+        """
+        if self.geometry.target is not None:
+            return True
+        tool = [p.tolerance for p in self.geometry.parameters if p.kind == "platform" and p.unit == "m"]
+        tables = [one.table for one in self.instruments if not one.table.targetless]
+        return bool(tables) and all(
+            (isinstance(table, TrackerTable) and table.target == "free")
+            or table.target_sigma > max(tool, default=np.inf)
+            for table in tables
+        )
+
     def of_tool(self) -> Model:
         """The model whose poses are those of the robot's own TCP, in the place of a free target; the same where there is none.
 

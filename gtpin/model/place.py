@@ -78,23 +78,27 @@ def _derivatives(model: Model) -> tuple[Floats, Floats]:
 
 def _declared_places(model: Model) -> Floats:
     """(6, 6) information of all instruments' declared places on motions of the machine: see :func:`free_motions`."""
+    if not model.frame.is_base:
+        return np.zeros((6, 6))
     if model.instruments:
         up = up_of(model.robot)
         return np.asarray(sum(one.table.place_information(up) for one in model.instruments))
-    return shows_place(0.0, np.eye(6)) if model.frame.is_base else np.zeros((6, 6))
+    return shows_place(0.0, np.eye(6))
 
 
-def without_place(motion: Floats, T: Floats, free: Floats) -> Floats:
+def without_place(motion: Floats, T: Floats, free: Floats, R: Floats | None = None) -> Floats:
     """Motions (N, c, ...) of poses, m and rad, each without the most that motions of the whole machine explain.
 
     T (N, 3): positions of the poses, base frame, m. ``free`` (6, k): the motions, as of :func:`free_motions`. For c = 3 they
     fit the positions best. For c = 6 positions and rotations count relative to what of each remains if the positions alone
-    place the machine.
+    place the machine. R (N, 3, 3): rotations of the poses, where a shift of the TCP on its link is taken away too.
     """
-    if not free.shape[1]:
-        return motion
     n, c = motion.shape[:2]
     F, moved = frame_motions(T)[:, :c] @ free, motion.reshape(n, c, -1)
+    if R is not None:
+        F = np.concatenate([F, np.concatenate([R, np.zeros_like(R)], axis=1)[:, :c]], axis=2)
+    if not F.shape[2]:
+        return motion
     weight, left = np.array([1.0, 1.0, 1.0, ALMOST, ALMOST, ALMOST])[:c], moved
     for _ in range(c // 3):
         flat = (F * weight[:, None]).reshape(n * c, -1)

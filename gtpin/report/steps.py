@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gtpin.calibration.result import Calibration
+from gtpin.compensation.compensate import NOT_THE_MACHINE
 from gtpin.compensation.correctable import correctable
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.model.dh import chain_of
@@ -31,7 +32,7 @@ def steps(d: Diagnosis) -> list[Step]:
         what = f"Tables that correct {joined(kept)}, for a controller that has the calibrated geometry:"
         found.append(Step(what, "gtpin export DIR -o corrections.csv"))
     if d.causes and d.verdict != "unknown":
-        found.append(Step("A program, corrected for everything that the model knows:", PROGRAM))
+        found.append(Step(f"A program, corrected for everything that the model knows{beside(d.model)}:", PROGRAM))
     members = {f"{m.effect}@{m.site}" for c in d.causes if c.probability < SURE for m in c.members}
     wanted = members | ({"unknown"} if d.verdict == "unknown" else set())
     found += [Step(e.measure) for e in d.next_experiment if wanted & {*e.separates}][:1]
@@ -55,11 +56,17 @@ def check_steps(check: HealthCheck) -> list[Step]:
     """What to do after a check against an earlier model."""
     if check.verdict == "none":
         return [Step("Use the earlier model further.")]
-    found = Step("A program, corrected for the changes too:", PROGRAM)
+    found = Step(f"A program, corrected for the changes too{beside(check.model)}:", PROGRAM)
     again = (
         "Calibrate again: measure many poses, and diagnose them. This also distinguishes the changes. Poses to choose:"
     )
     return [*([found] if check.causes and check.verdict == "explained" else []), replace(MEASURE, words=again)]
+
+
+def beside(model: Model) -> str:
+    """Which effects corrected commands leave out, as an insertion; empty where they correct all."""
+    left = [named(active.effect, active.site) for active in model.effects if active.site in NOT_THE_MACHINE]
+    return f" of the machine, without {joined(left)}" if left else ""
 
 
 def geometry_steps(model: Model, explained: bool) -> list[Step]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gtpin.extras.certificate.pose_accuracy import (
     Scatter,
     accuracy,
+    left_out_accuracy,
     pooled_repeatability,
     repeatability_of,
     standard_accuracy,
@@ -180,3 +183,26 @@ def test_the_systematic_deviation_of_another_published_report_is_the_range_of_al
 def test_a_poses_repeatability_is_the_mean_and_three_standard_deviations_of_the_distances():
     corners = np.array([[3.0, 0, 0], [-3.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])  # their distances: 3, 3, 1, 1
     assert repeatability_of(corners) == pytest.approx(2.0 + 3.0 * np.sqrt(4.0 / 3.0))
+
+
+@pytest.mark.parametrize("size", [0.0, 7e-6, 3e-5])
+@pytest.mark.parametrize("poses", ["new", "left out"])
+def test_the_accuracy_of_a_corrected_machine_is_covered_where_few_visits_show_the_scatter(size, poses):
+    """Errors of 160 poses below and above a declared noise of 20 um; 18 of the poses are visited twice."""
+    rng = np.random.default_rng(8)
+    noise, visits = 2e-5, np.concatenate([np.arange(160), np.arange(18)])
+    found, truths = [], []
+    for _ in range(TRIALS // 2):
+        true = size / np.sqrt(3.0) * rng.standard_normal((160, 3))
+        errors = true[visits] + noise * rng.standard_normal((len(visits), 3))
+        scatter = replace(Scatter.of(visits, errors), least=3.0 * noise**2)
+        truths.append(float(np.sqrt((true**2).sum(axis=1).mean())))
+        if poses == "new":
+            found.append(accuracy("AP_p", "m", visits, errors, scatter)[0])
+        else:
+            after = float(np.sqrt((errors**2).sum(axis=1).mean()))
+            found.append(left_out_accuracy("AP_p", "m", after, scatter, 160, len(visits), 3.0 * 160))
+    off = np.abs([one.value - truth for one, truth in zip(found, truths, strict=True)])
+    assert np.mean(off <= 2.0 * np.array([one.sigma for one in found])) >= 0.9
+    # Errors below the noise are not said to be of its size, 35 um in three axes; errors of its size are found.
+    assert np.mean([one.value for one in found]) == pytest.approx(size, abs=6e-6)

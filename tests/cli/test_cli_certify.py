@@ -90,6 +90,21 @@ def test_positions_of_an_arm_with_a_target_anywhere_are_certified_as_far_as_they
     assert "Certificate of ur5" in repr(found)
 
 
+def test_a_certificate_of_a_target_anywhere_says_that_it_is_not_of_the_tool(run, folder, certified, tmp_path):
+    done = run("certify", folder / "arm", "--model", folder / "arm_model", "-o", tmp_path / "o")
+    assert done.code == 0, done.err
+    told, page = (json.loads((tmp_path / "o" / "certificate.json").read_text()), " ".join(done.out.split()))
+    assert (told["point"], told["stands"]) == ("target", "fitted")
+    assert "positions the measured target within" in page
+    assert "apart from where the machine stands" in page
+    assert any("and not the tool, tool0" in line for line in told["statement"])
+    assert any("where it stands is not certified" in line for line in told["statement"])
+    assert "its TCP" not in page[: page.index("What to do now")]
+    known = json.loads((certified / "certificate.json").read_text())  # in the base frame, at the TCP
+    assert (known["point"], known["stands"]) == ("tcp", "measured")
+    assert not any("not the tool" in line or "where it stands" in line for line in known["statement"])
+
+
 def test_what_is_blank_says_whether_the_user_has_to_fill_it_in_or_to_measure_it(certified):
     told = json.loads((certified / "certificate.json").read_text())
     rows = {row["source"]: row for row in told["budget"]["contributions"]}

@@ -201,3 +201,47 @@ def test_commands_in_radians_that_are_called_degrees_are_refused(tmp_path: Path)
     words = f"--columns=pose,x,y,z --separator comma --unit mm --angle deg --commands {tmp_path / 'joints.csv'} --match pose"
     arguments = [tmp_path / "points.txt", *words.split(), "--robot", "ur10", "-o", tmp_path / "measured"]
     assert "look like radians; leave out --angle deg" in refused(tmp_path, "import", "points", *arguments)
+
+
+def test_sessions_are_ids_and_a_tracker_that_stood_elsewhere_in_each_is_written_so(tmp_path: Path) -> None:
+    (tmp_path / "points.csv").write_text(
+        "p1,100,200,300,0.1,0,0,0,0,0,day one\np2,100,210,300,0.2,0,0,0,0,0,2.0\n", encoding="utf-8"
+    )
+    columns = "pose,x,y,z,q1,q2,q3,q4,q5,q6,session"
+    words = f"import points {tmp_path / 'points.csv'} --separator comma --unit mm --angle rad --robot ur10"
+    said = called(
+        *words.split(), f"--columns={columns}", "--sigma", "3e-5", "--stations", "session", "-o", tmp_path / "m"
+    )
+    assert said.code == 0, said.err
+    assert "taken to be at the robot's TCP" not in said.out  # the target is free
+    read = gtpin.Dataset.read(tmp_path / "m")
+    assert list(read.covariates["session"]) == ["day one", "2"]
+    (table,) = read.readings.tables
+    assert (table.stations, table.position_sigma, table.target) == ("session", 3e-5, "free")
+    said = called(
+        *words.split(), f"--columns={columns.replace('session', '-')}", "--stations", "session", "-o", tmp_path / "n"
+    )
+    assert said.code == 2
+    assert "name a column session in --columns" in said.err
+
+
+@pytest.mark.parametrize(
+    ("name", "cell", "told"),
+    [
+        ("tiem", "5", "'tiem' is not 'time': kept"),
+        ("Time", "5", "'Time' is not 'time': kept"),
+        ("sesion", "3", "'sesion' is not 'session': kept"),
+        ("pos", "7", "'pos' is not 'pose': kept"),
+        ("sesion", "day1", "did you mean the column session in --columns?"),
+    ],
+)
+def test_a_typing_mistake_in_a_column_s_name_is_told(name: str, cell: str, told: str, tmp_path: Path) -> None:
+    (tmp_path / "points.csv").write_text(f"100,200,300,0.1,0,0,0,0,0,{cell}\n", encoding="utf-8")
+    words = f"import points {tmp_path / 'points.csv'} --separator comma --unit mm --angle rad --robot ur10 -o {tmp_path / 'm'}"
+    said = called(*words.split(), f"--columns=x,y,z,q1,q2,q3,q4,q5,q6,{name}")
+    assert told in said.err
+    told_nothing = called(
+        *words.split(), f"--columns=x,y,z,q1,q2,q3,q4,q5,q6,{'session' if cell == 'day1' else 'humidity'}", "--force"
+    )
+    assert told_nothing.code == 0
+    assert "is not" not in told_nothing.err

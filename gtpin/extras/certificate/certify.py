@@ -137,7 +137,8 @@ def _certify(
 def _check(dataset: Dataset, model: Model | None, instrument: float | None) -> None:
     if any(dataset.readings.stations):
         raise DatasetError(
-            "each session has a free frame (stations), which takes up part of the machine's error: it can't be certified",
+            "each session has a free frame (stations): one hides where the machine stands, several also how it moves between "
+            "the sessions, so it can't be certified",
             file=dataset.toml,
             column="instrument.stations",
             hint="register the sessions to common marks, and give all poses in one frame",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -86,10 +86,12 @@ class Evaluation:
 
         ``held``: the errors to take. ``part``: their columns, of the position or the orientation.
         """
-        noise, pooled = self.corrected.noise, Scatter.of(self.rows.visits, held.errors)
+        noise, pooled, declared = self.corrected.noise, Scatter.of(self.rows.visits, held.errors), self.rows.instrument
+        position = part.start == 0
         if pooled is not None:
-            return pooled.part(part)
-        sigma = noise.position_sigma if part.start == 0 else noise.orientation_sigma
+            known = declared.position_sigma if position else declared.orientation_sigma
+            return replace(pooled.part(part), least=3.0 * (known or 0.0) ** 2)
+        sigma = noise.position_sigma if position else noise.orientation_sigma
         return Scatter((0.0 if self.noise_known == "no" else sigma**2) * np.eye(3), np.inf)
 
     def quantities(self) -> tuple[Quantity, ...]:

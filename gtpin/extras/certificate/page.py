@@ -38,6 +38,8 @@ from gtpin.typing import Floats
 if TYPE_CHECKING:
     import pandas as pd
 
+POINTS = {"tcp": "its TCP", "target": "the measured target"}
+"""What is certified, in words."""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 MODEL = "model/model.json"
 """The certified model, beside the certificate."""
@@ -61,14 +63,16 @@ class CertificatePresentation(PagePresentation):
     def lead(self) -> Lead:
         """The certified uncertainty, what it is based on, and what is blank."""
         c = self.certificate
-        numbers = [(quantity(c.budget.radius, "m"), "95 % of position errors, corrected")]
+        apart = ", apart from where the machine stands" if c.stands == "fitted" else ""
+        of = "of position errors" if c.point == "tcp" else "of errors of the measured target"
+        numbers = [(quantity(c.budget.radius, "m"), f"95 % {of}, corrected{apart}")]
         for symbol in ("AP_p_corrected_rms", "AP_p_nominal_rms", "RP_l_pooled"):
             if (value := c[symbol].value) is not None:
-                numbers.append((quantity(value, c[symbol].unit), DEFINITIONS[symbol].name))
+                numbers.append((quantity(value, c[symbol].unit, c[symbol].sigma), DEFINITIONS[symbol].name))
         program = "A program, corrected by the certified model:"
         return Lead(
             self.title,
-            f"The corrected machine positions its TCP within {numbers[0][0]} in 95 % of cases.",
+            f"The corrected machine positions {POINTS[c.point]} within {numbers[0][0]} in 95 % of cases{apart}.",
             [*statement(c), *blank_words(c)],
             numbers,
             steps=[Step(program, "gtpin export DIR --commands program.csv -o corrected.csv")],
@@ -81,6 +85,7 @@ class CertificatePresentation(PagePresentation):
         c = self.certificate
         effects = ", ".join(active.name for active in c.model.effects)
         certified = [
+            *what(c),
             f"Measured commands: {typeset(limits(c))}.",
             f"The model corrects geometry and {effects}." if effects else "The model corrects geometry alone.",
             f"The model is {MODEL} in the folder of this page; its digest is at the end.",
@@ -128,6 +133,8 @@ class CertificatePresentation(PagePresentation):
             "schema": "gtpin-certificate/1",
             "robot": c.model.robot.name,
             **_of(c, "poses", "rows"),
+            "point": c.point,
+            "stands": c.stands,
             "set_aside": list(c.set_aside),
             "basis": c.basis,
             "basis_words": BASES[c.basis],
@@ -210,11 +217,16 @@ def _contributions(c: Certificate) -> Table:
         sensitivity = "" if row.sensitivity is None else f"{row.sensitivity:.3g}"
         share = percent(c.budget.share(row) or 0.0)
         rows.append([ROWS[row.source], row.kind, size, sensitivity, quantity(row.position, "m"), share])
-    return Table(("contribution", "type", "input, 1 sigma", "sensitivity", "at the TCP", "share"), rows, (2, 3, 4, 5))
+    return Table(("contribution", "type", "input, 1 sigma", "sensitivity", _at(c), "share"), rows, (2, 3, 4, 5))
+
+
+def _at(c: Certificate) -> str:
+    """Heading of a column of motions of what is certified."""
+    return "at the TCP" if c.point == "tcp" else "at the target"
 
 
 def _budget(c: Certificate) -> Section:
-    b = c.budget
+    b, point = c.budget, POINTS[c.point].replace("its", "the")
     sizes = [_by_axis(b, values) for values in (b.combined, COVERAGE * b.combined, b.largest)]
     combined = [
         [axis.replace("r", "about "), *(quantity(one[axis], "rad" if "r" in axis else "m") for one in sizes)]
@@ -226,9 +238,9 @@ def _budget(c: Certificate) -> Section:
     ]
     of_axes = ("axis", "combined standard uncertainty", f"expanded, k = {COVERAGE:g}", "expanded, largest")
     content: list[Block] = [
-        "Standard uncertainties of the TCP's position (root of the summed variances of the three axes), root mean square over "
-        f"{len(b.q)} poses between the measured ones. Type A is evaluated by statistics, type B by other knowledge (JCGM 100, "
-        "4.2 and 4.3). A blank contribution is not in the sum.",
+        f"Standard uncertainties of the position of {point} (root of the summed variances of the three axes), root mean "
+        f"square over {len(b.q)} poses between the measured ones. Type A is evaluated by statistics, type B by other knowledge "
+        "(JCGM 100, 4.2 and 4.3). A blank contribution is not in the sum.",
         _contributions(c),
         Items([f"{capital(ROWS[row.source])}: {HOW[row.source]}." for row in b.rows if row.missing is None]),
         "Combined: the contributions' covariances at each pose are added (JCGM 100, 5.2). Expanded: U = k u with k = "
@@ -240,7 +252,7 @@ def _budget(c: Certificate) -> Section:
         "Parameters of geometry and effects are correlated. These are uncorrelated directions of them, the largest first: the "
         "change of each of three parameters along the direction, and its contribution at the TCP. The squares of all "
         "directions add up to the square of the model's contribution.",
-        Table(("changes for one standard deviation", "at the TCP"), directions, (1,)),
+        Table(("changes for one standard deviation", _at(c)), directions, (1,)),
     ]
     return Section("budget", "Uncertainty of the corrected machine", content)
 
@@ -308,11 +320,30 @@ def why(q: Quantity | Contribution) -> str:
     return WHY[q.missing].format(have=q.have if isinstance(q, Quantity) else "none or few")
 
 
+def what(c: Certificate) -> list[str]:
+    """What is certified, where it is not the TCP in the base frame."""
+    found = []
+    if c.point == "target":
+        sat = [", ".join(f"{1e3 * at:.1f}" for at in place.translation) for place in c.model.targets.values()]
+        found.append(
+            f"Certified is the measured target{f', at {joined(sat)} mm in the frame of the tool' if sat else ''}, and not the "
+            f"tool, {c.model.robot.tcp_frame}: where it sits was not measured, and it is off by as much. To certify "
+            "the tool, measure a target whose place on it is known."
+        )
+    if c.stands == "fitted":
+        found.append(
+            "Errors are those of the machine placed best in the instrument's frame, which was free: where it stands is not "
+            "certified."
+        )
+    return found
+
+
 def statement(c: Certificate) -> list[str]:
     """The certified uncertainty, its basis, and the limits within which it holds."""
     U = COVERAGE * c.budget.combined[:3]
     axes = joined([f"{axis} {quantity(float(u), 'm')}" for axis, u in zip("xyz", U, strict=True)])
     found = [
+        *what(c),
         f"Expanded uncertainty with k = {COVERAGE:g} (95 %), root mean square over the workspace: {axes}.",
         f"It is computed from {counted(c.rows, 'measurement')} of {counted(c.poses, 'pose')}. {BASES[c.basis]}",
         "It is valid between the measured commands, under the recorded conditions, and for a controller that uses the model.",

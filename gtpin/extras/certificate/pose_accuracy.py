@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import logsumexp
 
 from gtpin.accuracy.expected import mean_length
-from gtpin.distributions import truncated
 from gtpin.extras.certificate.quantity import Quantity, blank
 from gtpin.noise.estimate import LEAST_CONTRASTS, contrasts
 from gtpin.typing import Floats
 
 CYCLES = 30
 """Number of visits of one pose that ISO 9283 requires."""
+WIDE, FINE = 8.0, 501
+"""Standard deviations of a mean square about its estimate, and number of values between, at which its density is computed."""
 ANGLES = ("RP_a", "RP_b", "RP_c")
 """Repeatabilities of orientation about the axes x, y and z."""
 
@@ -50,12 +52,14 @@ class Scatter:
 
     ``covariance``: (c, c) covariance of a visit, m and rad, including the instrument's noise. ``repeats``, ``poses``: number
     of visits beyond the first of each pose from which it is estimated, infinite if declared; and of poses with two visits or
-    more.
+    more. ``least``: mean square length of the instrument's declared noise, m^2 or rad^2: a visit has no less; 0 where none was
+    declared.
     """
 
     covariance: Floats
     repeats: float
     poses: int = 0
+    least: float = 0.0
 
     @staticmethod
     def of(visits: npt.NDArray[np.intp], values: Floats) -> Scatter | None:
@@ -68,7 +72,7 @@ class Scatter:
 
     def part(self, part: slice) -> Scatter:
         """The scatter of some of the components."""
-        return Scatter(self.covariance[part, part], self.repeats, self.poses)
+        return replace(self, covariance=self.covariance[part, part])
 
     @property
     def trace(self) -> float:
@@ -93,7 +97,7 @@ def accuracy(
 
     E|mean of n visits - command|^2 = AP^2 + tr(S) / n with S the covariance of a visit, so tr(S) / n is subtracted from the
     mean square. Its variance over P poses, given their true errors t, is the sum of 4 t' S t / n + 2 tr(S^2) / n^2 divided by
-    P^2, plus the contribution of the uncertainty of S.
+    P^2, plus the contribution of the uncertainty of S (:func:`_root_mean_square`).
 
     ``symbol``, ``unit``: symbol and unit of the quantities: ``AP_p`` and ``m``, or ``AP_o`` and ``rad``. ``visits``: (N,)
     index of each row's pose. ``errors``: (N, 3) measured less commanded: position, m, or rotation vector, rad. ``scatter``:
@@ -104,11 +108,11 @@ def accuracy(
     own = 2.0 * scatter.squared / counts**2
     # Squares of measured means contain their noise: 4 m' S m / n is on average larger by 4 tr(S^2) / n^2.
     through = np.maximum(4.0 * np.einsum("pi,ij,pj->p", means, S, means) / counts - 2.0 * own, 0.0)
-    doubt = np.sqrt((through + own).sum() / P**2 + scatter.variance * float((1.0 / counts).mean()) ** 2)
+    doubt, share = float(np.sqrt((through + own).sum())) / P, float((1.0 / counts).mean())
     largest = int(np.argmax(squares))
     of_largest = np.sqrt(float(means[largest] @ S @ means[largest]) / counts[largest] / squares[largest])
     return (
-        _root_mean_square(symbol, unit, float((squares - scatter.trace / counts).mean()), float(doubt), P, len(errors)),
+        _root_mean_square(symbol, unit, (float(squares.mean()), doubt), scatter, share, P, len(errors)),
         Quantity(f"{symbol}_max", float(np.sqrt(squares[largest])), unit, float(of_largest) or None, P, len(errors)),
     )
 
@@ -121,19 +125,45 @@ def left_out_accuracy(
     Errors are assumed to be isotropic normal vectors: the relative standard deviation of their mean square with f degrees of
     ``freedom`` is sqrt(2 / f).
     """
-    doubt = np.sqrt(after**4 * 2.0 / freedom + scatter.variance)
-    return _root_mean_square(symbol, unit, after**2 - scatter.trace, float(doubt), poses, rows)
+    return _root_mean_square(
+        symbol, unit, (after**2, after**2 * float(np.sqrt(2.0 / freedom))), scatter, 1.0, poses, rows
+    )
 
 
-def _root_mean_square(symbol: str, unit: str, power: float, doubt: float, poses: int, rows: int) -> Quantity:
-    """The root of a mean square, whose estimate ``power`` has the standard uncertainty ``doubt`` and can be negative.
+def _root_mean_square(
+    symbol: str, unit: str, observed: tuple[float, float], scatter: Scatter, share: float, poses: int, rows: int
+) -> Quantity:
+    """The root r of a mean square that was observed together with a share h of the scatter of a visit.
+
+    ``observed``: the observed mean square A and its standard deviation a. With S the trace of the scatter, b its standard
+    deviation, n the declared part of it and s^2 the rest: A is N(r^2 + h (n + s^2), a^2), and S is N(n + s^2, b^2). The priors
+    of r >= 0 and s >= 0 are flat (Gelman, Bayesian Analysis 1 (2006) 515, section 3). Of the posterior of r its mean and
+    standard deviation are given. With flat priors of their squares the estimate of a small r would be too large.
 
     Without doubt, the scatter of a visit is not known, and so the uncertainty of the root is not either.
     """
+    (A, a), b, n = observed, float(np.sqrt(scatter.variance)), scatter.least
+    power, doubt = A - share * scatter.trace, float(np.hypot(a, share * b))
     if doubt == 0.0:
         return Quantity(f"{symbol}_rms", float(np.sqrt(max(power, 0.0))), unit, None, poses, rows)
-    rms = float(np.sqrt(truncated(power, doubt)[0]))
-    return Quantity(f"{symbol}_rms", rms, unit, min(doubt / (2.0 * rms), rms), poses, rows)
+    r = _roots(np.array([power]), doubt)[0]
+    density = -0.5 * ((power - r**2) / doubt) ** 2
+    if a > 0.0 and b > 0.0:  # given r, s^2 has this mean and standard deviation before its prior
+        mean, w = (share * b**2 * (A - share * n - r**2) + a**2 * (scatter.trace - n)) / doubt**2, a * b / doubt
+        s = _roots(mean, w)
+        density += logsumexp(-0.5 * ((s**2 - mean[:, None]) / w) ** 2, axis=1) + np.log(s[:, 1] - s[:, 0])
+    weight = np.exp(density - density.max())
+    rms = float((weight * r).sum() / weight.sum())
+    sigma = float(np.sqrt((weight * (r - rms) ** 2).sum() / weight.sum()))
+    return Quantity(f"{symbol}_rms", rms, unit, sigma, poses, rows)
+
+
+def _roots(squares: Floats, sigma: float) -> Floats:
+    """(K, FINE) values of roots whose squares are about (K,) estimates, with a standard deviation ``sigma``."""
+    low, high = (
+        np.sqrt(np.maximum(at, 0.0)) for at in (squares - WIDE * sigma, np.maximum(squares, 0.0) + WIDE * sigma)
+    )
+    return np.asarray(np.linspace(low, high, FINE, axis=-1))
 
 
 def repeatability_of(position: Floats) -> float:

@@ -13,6 +13,7 @@ from gtpin.compensation.machine import CompensatedMachine, check_session
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import ModelError, warn
+from gtpin.model.dh import chain_of
 from gtpin.model.model import Model
 from gtpin.typing import Floats
 
@@ -75,9 +76,11 @@ def corrections(model: Model, *, session: str | None = None, most: int = MOST) -
                 raise ModelError(f"{site} has no range", hint="give its joint a <limit> in the URDF")
             tables.append(_table(model, i, mine, scales[site], session, most))
     if not tables:
+        geometry = "dh.csv (--format dh) or a URDF" if chain_of(robot) else "a URDF"
         raise ModelError(
             "there is nothing that a controller's tables can correct",
-            hint="these are scales and effects along an actuator that depend on its own position, direction and session",
+            hint="these are scales and effects along an actuator that depend on its own position, direction and session; "
+            f"the geometry belongs in the controller's kinematics: write {geometry}, or a program's commands (--commands)",
         )
     return tuple(tables)
 

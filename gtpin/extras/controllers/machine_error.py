@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gtpin.accuracy.expected import Undetermined
 from gtpin.compensation.machine import CompensatedMachine, machine_at
 from gtpin.data.instrument_tables import PlaneTable
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import ModelError
 from gtpin.export.box import Box
-from gtpin.export.loss import both_approaches, postures
+from gtpin.export.loss import both_approaches, postures, um
 from gtpin.extras.certificate.held_against import ModelPosterior, at_commands, by_unknowns, prior_sizes
 from gtpin.extras.controllers.towers import DIMENSIONS, Drives, TowerFit, Towers
 from gtpin.model.model import Model
@@ -35,10 +36,12 @@ the setting would follow the tolerances more than the measurements."""
 @dataclass(frozen=True, eq=False)
 class OpenDirections:
     """What the data leave open of a machine: ``moved`` (N, 3, k) motions of the TCP, m, for k independent standard normal
-    unknowns; ``unexplained``: one sigma, m, per axis, of errors that differ from pose to pose."""
+    unknowns; ``unexplained``: one sigma, m, per axis, of errors that differ from pose to pose; ``parts``: those of the motions,
+    with where the machine stands, which ``moved`` has not if the instrument was free; None: not distinguished."""
 
     moved: Floats
     unexplained: float
+    parts: Undetermined | None = None
 
     def rms(self, residual: Floats, axes: slice = slice(0, 3)) -> tuple[float, float, float]:
         """Root mean square error of the machine, m, expected and the ends of a 95 % interval over the machines that the data
@@ -51,6 +54,18 @@ class OpenDirections:
         power = fixed + 2.0 * z @ cross + np.einsum("di,ij,dj->d", z, square, z, optimize=True)
         low, high = np.sqrt(np.maximum(np.quantile(power, INTERVAL), 0.0))
         return float(np.sqrt(fixed + np.trace(square))), float(low), float(high)
+
+    @property
+    def words(self) -> str:
+        """The parts as text, um."""
+        none = np.zeros_like(self.moved[..., 0])
+        if self.parts is None:
+            return f"{um(self.rms(none)[0])} um"
+        base, tool = self.parts.base, self.parts.tool
+        named = [f"where the machine stands, {um(base)} um (not in this error)"] if base > LEAST else []
+        named += [f"where the tool sits, {um(tool)} um"] if tool > LEAST else []
+        rest = um(float(np.hypot(self.parts.rest, np.sqrt(3.0) * self.unexplained)))
+        return f"{', '.join(named)}; everything else, {rest} um" if named else f"{rest} um"
 
 
 def touches_one_plane(model: Model) -> bool:
@@ -74,25 +89,29 @@ def open_directions(machine: CompensatedMachine, whole: Model, q: Floats) -> Ope
         return None
     at, unexplained = _at(machine, q), whole.unexplained
     moved = (by_unknowns(machine.model, at) @ ModelPosterior(machine.model).root)[:, :3]
+    parts = None if touches_one_plane(whole) else Undetermined.of(whole, moved, at.poses)
     moved = without_place(moved, at.poses.T, motions_of_no_error(whole))
-    return OpenDirections(moved, unexplained.position if unexplained is not None and unexplained.noise_known else 0.0)
+    left = unexplained.position if unexplained is not None and unexplained.noise_known else 0.0
+    return OpenDirections(moved, left, parts)
 
 
-def left_of_commands(model: Model, q: Floats) -> tuple[str, ...]:
-    """What corrected commands (N, n) leave of the machine's error, as texts; none where it is not known."""
+def left_of_commands(model: Model, q: Floats, where: str) -> tuple[str, ...]:
+    """What corrected commands (N, n) leave of the machine's error, as texts; none where it is not known. ``where``: at what
+    poses."""
     doubt = open_directions(machine_at(model)[0], model, q)
-    return () if doubt is None else (f"leaves {machine_words(doubt, np.zeros((len(q), 3)), None, 'these poses')}",)
+    return () if doubt is None else (f"leaves {machine_words(doubt, np.zeros((len(q), 3)), None, where)}",)
 
 
 def left_of_drives(model: Model, carried: Collection[str], session: str | None) -> tuple[str, ...]:
     """The same of tables for each actuator, which hold the effects of the names ``carried``."""
-    machine, (q, poses) = machine_at(model, session)[0], postures(model)
+    machine = machine_at(model, session)[0]
+    q, poses = postures(machine.model)
     doubt = open_directions(machine, model, q)
     if doubt is None:
         return ()
     after = replace(machine, model=machine.model.without(carried)).goes_to(q, both_approaches(len(q))) - poses.T
     after = without_place(after, poses.T, motions_of_no_error(model))
-    where = "the range of the fit, with the calibrated kinematics in the controller,"
+    where = "the range of the fit, with the calibrated kinematics in the controller"
     return (f"leaves {machine_words(doubt, after, None, where)}",)
 
 
@@ -167,8 +186,8 @@ class Left:
         where += "".join(f", {name} {value:g} degC" for name, value in temperatures.items())
         if self.doubt is None:
             return (
-                f"leaves {_um(_rms(self.after))} of {_um(_rms(self.before))} um of the TCP's error in {where}"
-                f" (z: {_um(_rms(self.after[:, 2:]))} of {_um(_rms(self.before[:, 2:]))} um)"
+                f"leaves {um(_rms(self.after))} of {um(_rms(self.before))} um of the TCP's error in {where}"
+                f" (z: {um(_rms(self.after[:, 2:]))} of {um(_rms(self.before[:, 2:]))} um)"
             )
         return f"leaves {machine_words(self.doubt, self.after, self.before, where, standing=self.standing)}"
 
@@ -180,14 +199,16 @@ def machine_words(
 
     ``before``: the errors without the file; None where they are not known.
     """
-    found, low, high = map(_um, doubt.rms(after))
-    of = "" if before is None else f" of {_um(doubt.rms(before)[0])}"
-    up = f"z: {_um(doubt.rms(after, slice(2, 3))[0])}"
-    up += "" if before is None else f" of {_um(doubt.rms(before, slice(2, 3))[0])}"
+    found, low, high = map(um, doubt.rms(after))
+    of = "" if before is None else f" of {um(doubt.rms(before)[0])}"
+    up = f"z: {um(doubt.rms(after, slice(2, 3))[0])}"
+    up += "" if before is None else f" of {um(doubt.rms(before, slice(2, 3))[0])}"
     up += " um; a shift or turn of the part on the bed is no error" if standing else " um"
+    lost = _rms(after)
+    held = "The file holds the model exactly." if lost < LEAST else f"The file can't hold {um(lost)} um of the model."
     return (
-        f"an expected error of the machine's TCP of {found}{of} um in {where} (95 %: {low} to {high} um; {up}): the file "
-        f"can't hold {_um(_rms(after))} um, and the data leave {_um(doubt.rms(np.zeros_like(after))[0])} um open"
+        f"an expected error of the machine's TCP of {found}{of} um in {where} (95 %: {low} to {high} um; {up}). {held} Not "
+        f"determined by the data: {doubt.words}"
     )
 
 
@@ -209,7 +230,7 @@ def by_parts(
     for name, machine in machines.items():
         found = left(machine)
         if not found.is_nothing:
-            words.append(f"{name} {_um(_rms(found.after))} of {_um(_rms(found.before))} um")
+            words.append(f"{name} {um(_rms(found.after))} of {um(_rms(found.before))} um")
         elif name != "geometry":
             absent.append(name)
     return ((f"leaves of each part alone: {', '.join(words)}",) if words else ()), tuple(absent)
@@ -217,10 +238,3 @@ def by_parts(
 
 def _rms(errors: Floats) -> float:
     return float(np.sqrt((errors**2).sum(axis=1).mean()))
-
-
-def _um(metres: float) -> str:
-    size = 1e6 * metres
-    if size < 0.01:
-        return "under 0.01"
-    return f"{size:.3g}" if size < 1000.0 else f"{size:.0f}"

@@ -150,7 +150,7 @@ def _write_poses(
 ) -> None:
     replace(dataset, robot=seen_from(robot, output)).write(output, force=force)
     assumed = "\nThe target is taken to be at the robot's TCP: if it sits elsewhere, move the TCP of the URDF there."
-    at_tcp = dataset.instrument.target == "tcp"
+    at_tcp = all(table.target in (None, "tcp") for table in dataset.readings.tables)
     _tell_written(len(dataset), "measured poses", robot, output, as_json, assumed if at_tcp else "")
 
 
@@ -229,7 +229,8 @@ def points(
     columns: Annotated[
         str | None,
         typer.Option(
-            help="Names of the columns in order, between commas: pose, x, y, z, qw, qx, qy, qz or rx, ry, rz, q1 ..., -."
+            help="Names of the columns in order, between commas: pose, x, y, z, qw, qx, qy, qz or rx, ry, rz, q1 ...; time, "
+            "session (an id), payload or any other name of a covariate; - for what is not wanted."
         ),
     ] = None,
     unit: Annotated[Length | None, typer.Option(help="Of lengths.")] = None,
@@ -240,6 +241,14 @@ def points(
     ] = None,
     frame: Frame = "free",
     target: Target = None,
+    sigma: Annotated[
+        float | None,
+        typer.Option(help="1 sigma of a measured position, per axis, m.", show_default="estimated"),
+    ] = None,
+    stations: Annotated[
+        Literal["session"] | None,
+        typer.Option(help="session: the instrument stood elsewhere in each session, a column that you name."),
+    ] = None,
     angle: Annotated[Angle | None, typer.Option(help="Unit of commands that are angles.")] = None,
     commands: Annotated[
         Path | None,
@@ -268,7 +277,11 @@ def points(
     if not names or unit is None or separator is None:
         lacking = "columns" if not names else "unit" if unit is None else "separator"
         hint = f"add --{lacking}, or --preset {'|'.join(PRESETS)}"
-        raise DatasetError("the file itself does not say how it is written", file=file, column=lacking, hint=hint)
+        raise DatasetError(f"the file itself does not say its {lacking}", file=file, hint=hint)
+    if stations is not None and stations not in names:
+        raise DatasetError(
+            "--stations session without a session of each row", hint="name a column session in --columns"
+        )
     return read_points(
         file,
         robot,
@@ -284,7 +297,7 @@ def points(
         header=header,
         decimal_comma=decimal_comma,
         rotations=rotation or usual.rotations,
-        instrument=instrument_of(robot, tcp, frame, target),
+        instrument=instrument_of(robot, tcp, frame, target, sigma, stations),
         tcp=tcp,
     )
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Literal
 
@@ -19,9 +20,9 @@ from scipy.spatial.transform import Rotation
 
 from gtpin.data import Commands, Dataset, InstrumentSection
 from gtpin.data.ids import Ids, normal_id, normal_ids
-from gtpin.data.names import ORIENTATION, POSITION, is_command
-from gtpin.data.table import has_decimal_comma, number
-from gtpin.errors import DatasetError
+from gtpin.data.names import IDS, ORIENTATION, POSITION, is_command, known_lookalike, lookalike_words, lookalikes
+from gtpin.data.table import Column, has_decimal_comma, number
+from gtpin.errors import DatasetError, warn
 from gtpin.extras.importers.lines import decimal, text_lines
 from gtpin.extras.importers.matched import Match, in_range, matched
 from gtpin.robot.chain import Chain
@@ -67,6 +68,8 @@ PRESETS: Mapping[PresetName, Preset] = {
 fixed axes x, y, z. KUKA: A, B, C about the moving axes z, y, x. Universal Robots: a rotation vector; its scripts use m, its
 pendant shows mm."""
 IGNORED = "-"
+NEAR = 0.7
+"""Least share of letters that a name has in common with one of four letters or fewer that may be meant. Assumed."""
 MOST_TURNS = 3
 """Number of turns beyond which commands without a unit look like degrees. Assumed: joints of arms turn once or twice."""
 COMMENTS = ("//", "#", "%")
@@ -78,13 +81,13 @@ class NamedColumns:
     """The content of a table.
 
     ``file``, ``row``: the file, and the (N,) line of each row. ``pose``: (N,) ids; None where there is no such column.
-    ``values``: (N,) numbers of the other columns by name, in the units of the file.
+    ``values``: (N,) numbers of the other columns by name, in the units of the file; of ``session`` ids.
     """
 
     file: Path
     row: npt.NDArray[np.int64]
     pose: Ids | None
-    values: Mapping[str, Floats]
+    values: Mapping[str, Column]
 
     def with_quaternions(self, rotations: Rotations | None, angle: Angle | None) -> NamedColumns:
         """The same with quaternions in place of rx, ry and rz, if it has these.
@@ -162,7 +165,7 @@ def read_named_columns(
 
     ``file``: a text file; blank lines, lines that begin with ``//``, ``#`` or ``%``, and names of columns before the first
     row are ignored. ``names``: names of the columns in their order: ``pose``, ``x y z``, ``qw qx qy qz`` or ``rx ry rz``,
-    ``q1 .. qn``, names of covariates, and ``-`` for a column that is ignored. ``separator``: separator of columns: ``comma``,
+    ``q1 .. qn``, ``session``, names of covariates, and ``-`` for one that is ignored. ``separator``: of columns: ``comma``,
     ``semicolon``, ``tab`` or ``space`` (any number of them). ``header``: number of lines at the beginning that are not rows.
     ``decimal_comma``: whether the decimal separator is a comma. ``needed``: names that must be there.
 
@@ -171,8 +174,8 @@ def read_named_columns(
     """
     wanted = _wanted(names, separator, decimal_comma, needed)
     rows: list[int] = []
-    poses: list[str] = []
-    cells: dict[str, list[float]] = {name: [] for name in wanted if name != "pose"}
+    ids: dict[str, list[str]] = {name: [] for name in wanted if name in IDS}
+    cells: dict[str, list[float]] = {name: [] for name in wanted if name not in IDS}
     for row, line in enumerate(text_lines(file), 1):
         if row <= header or not line.strip() or line.lstrip().startswith(COMMENTS):
             continue
@@ -185,20 +188,23 @@ def read_named_columns(
             continue  # names of columns
         for name, place in wanted.items():
             text = texts[place].strip()
-            if name == "pose":
+            if name in ids:
                 try:
-                    poses.append(normal_id(text))
+                    ids[name].append(normal_id(text))
                 except ValueError as error:
-                    hint = "give every row a pose"
-                    raise DatasetError(str(error), file=file, row=row, column="pose", hint=hint) from None
+                    raise DatasetError(
+                        str(error), file=file, row=row, column=name, hint=f"give every row a {name}"
+                    ) from None
             else:
                 plain = text.replace(",", ".", 1) if decimal_comma else text
-                cells[name].append(decimal(plain, file, row, name, _hint(plain, first=not rows)))
+                cells[name].append(decimal(plain, file, row, name, _hint(name, plain, first=not rows)))
         rows.append(row)
     if not rows:
         raise DatasetError("there are no rows", file=file, hint="check the number of header lines (--header)")
-    ids = np.array(poses, dtype=object) if "pose" in wanted else None
-    return NamedColumns(file, np.array(rows, dtype=np.int64), ids, {name: np.array(v) for name, v in cells.items()})
+    values: dict[str, Column] = {name: np.array(v) for name, v in cells.items()}
+    named = {name: np.array(v, dtype=object) for name, v in ids.items()}
+    pose = named.pop("pose", None)
+    return NamedColumns(file, np.array(rows, dtype=np.int64), pose, {**values, **named})
 
 
 def _wanted(names: list[str], separator: Separator, decimal_comma: bool, needed: Sequence[str]) -> dict[str, int]:
@@ -209,7 +215,7 @@ def _wanted(names: list[str], separator: Separator, decimal_comma: bool, needed:
             continue
         if not name or name in found:
             what = f"the column {name} is named twice" if name else "a column without a name"
-            raise DatasetError(what, column="columns", hint=f"name each once, and '{IGNORED}' what is not wanted")
+            raise DatasetError(what, hint=f"in --columns name each once, and '{IGNORED}' what is not wanted")
         found[name] = place
     missing = [name for name in needed if name not in found]
     turned = [name for name in ORIENTATION if name in found]
@@ -218,20 +224,34 @@ def _wanted(names: list[str], separator: Separator, decimal_comma: bool, needed:
     missing += [name for name in TURNS if angles and name not in found]
     if turned and angles:
         what = "both quaternions and angles are named"
-        raise DatasetError(what, column="columns", hint=f"name one, and '{IGNORED}' the other")
+        raise DatasetError(what, hint=f"in --columns name one, and '{IGNORED}' the other")
     if missing:
-        hint = "name x, y, z, and all or none of qw, qx, qy, qz, or of rx, ry, rz"
-        raise DatasetError(f"no column is named {missing[0]}", column="columns", hint=hint)
+        hint = "in --columns name x, y, z, and all or none of qw, qx, qy, qz, or of rx, ry, rz"
+        raise DatasetError(f"no column is named {missing[0]}", hint=hint)
     if separator not in SIGNS:
-        raise DatasetError(f"the separator {separator!r} is not known", column="separator", hint=", ".join(SIGNS))
+        raise DatasetError(f"the separator {separator!r} is not known", hint=", ".join(SIGNS))
     if decimal_comma and separator == "comma":
         what = "commas between columns and in numbers"
-        raise DatasetError(what, column="separator", hint="name the other separator, or export with a decimal point")
+        raise DatasetError(what, hint="name the other separator (--separator), or export with a decimal point")
+    covariates = [
+        name for name in found if name not in (*IDS, *POSITION, *ORIENTATION, *TURNS) and not is_command(name)
+    ]
+    like = {name: known for name in covariates for known in _near(name) if known not in found}
+    if alike := lookalikes(covariates) | like:
+        warn(f"--columns: {lookalike_words(alike)}")
     return found
 
 
-def _hint(text: str, *, first: bool) -> str:
-    """The hint for a text that is not a number; ``first``: it is in the first row."""
+def _near(name: str) -> list[str]:
+    """The short name of a column that a name nearly equals, or none."""
+    known = ("pose", "time", *ORIENTATION, *TURNS)
+    return [] if name in known else get_close_matches(name.lower(), known, 1, NEAR)
+
+
+def _hint(name: str, text: str, *, first: bool) -> str:
+    """The hint for a text in the column ``name`` that is not a number; ``first``: it is in the first row."""
+    if first and (known := known_lookalike(name) or next(iter(_near(name)), None)):
+        return f"did you mean the column {known} in --columns?"
     if has_decimal_comma(text):
         return "if numbers have a comma for the point, give --decimal-comma"
     return (
@@ -242,11 +262,23 @@ def _hint(text: str, *, first: bool) -> str:
 
 
 def instrument_of(
-    robot: str, tcp: str | None, frame: Literal["free", "robot"] = "free", target: Literal["free", "tcp"] | None = None
+    robot: str,
+    tcp: str | None,
+    frame: Literal["free", "robot"] = "free",
+    target: Literal["free", "tcp"] | None = None,
+    sigma: float | None = None,
+    stations: Literal["session"] | None = None,
 ) -> InstrumentSection:
     """The tracker of a list of points. By default its frame and its target are free; of a robot with rods the target is the
-    TCP, because the joints on the platform are identified with it."""
-    return InstrumentSection(frame=frame, target=target or ("tcp" if load_robot(robot, tcp).rods else "free"))
+    TCP, because the joints on the platform are identified with it. ``sigma``: of a position, per axis, m; None: unknown.
+    ``stations``: the column with a value for each place where the instrument stood; None: it stood in one place.
+
+    Raises `DatasetError` if ``sigma`` is no positive number of metres.
+    """
+    if sigma is not None and not 0.0 < sigma < math.inf:
+        raise DatasetError(f"a sigma of {sigma:g} m", hint="give a positive number of metres (--sigma)")
+    at = target or ("tcp" if load_robot(robot, tcp).rods else "free")
+    return InstrumentSection(frame=frame, target=at, position_sigma=sigma, stations=stations)
 
 
 def commands_among(names: Iterable[str]) -> list[str]:
@@ -254,7 +286,7 @@ def commands_among(names: Iterable[str]) -> list[str]:
     found = sorted((name for name in names if is_command(name)), key=lambda name: int(name[1:]))
     for place, name in enumerate(found, 1):
         if name != f"q{place}":
-            raise DatasetError(f"no column is named q{place}", column="columns", hint="name q1 .. qn without a gap")
+            raise DatasetError(f"no column is named q{place}", hint="in --columns name q1 .. qn without a gap")
     return found
 
 
@@ -336,7 +368,7 @@ def read_points(
     """
     file = Path(file)
     if unit not in LENGTHS:
-        raise DatasetError(f"the unit {unit!r} is not known", column="unit", hint=f"one of {', '.join(LENGTHS)}")
+        raise DatasetError(f"the unit {unit!r} is not known", hint=f"one of {', '.join(LENGTHS)}")
     own = commands_among(columns)
     if bool(own) == (commands is not None):
         what = "commands both in the list and in a table" if own else "there are no commands"
@@ -344,7 +376,7 @@ def read_points(
         raise DatasetError(what, file=file, hint=hint)
     if commands is not None and match is None:
         hint = "give --match pose|row|time"
-        raise DatasetError("it is not said which command belongs to which row", column="match", hint=hint)
+        raise DatasetError("it is not said which command belongs to which row", file=file, hint=hint)
     table = read_named_columns(file, columns, separator, header=header, decimal_comma=decimal_comma)
     table = table.with_quaternions(rotations, angle)
     if commands is None:
@@ -362,7 +394,7 @@ def _scale(robot: Chain, count: int, unit: Length, angle: Angle | None) -> np.nd
     revolute = robot.revolute
     if len(revolute) != count:
         what = f"{count} columns of commands for the {len(revolute)} actuators of {robot.name}"
-        raise DatasetError(what, column="columns", hint="name one for each, q1 .. qn")
+        raise DatasetError(what, hint="in --columns name one for each, q1 .. qn")
     if revolute.any() and angle not in ANGLES:
         what = f"joints of {robot.name} turn, and the unit of their commands is not given"
         raise DatasetError(what, hint=f"add {' or '.join(f'--angle {name}' for name in ANGLES)}")
