@@ -136,8 +136,8 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> ErrorResponse
 class Undetermined:
     """Root mean square motions of the TCP, m, by what data do not determine of a machine; their squares add up.
 
-    ``base``: where it stands, as far as no instrument shows it (:mod:`~gtpin.model.place`). ``tool``: where the tool sits, if the place of the target
-    was unknown. ``rest``: everything else.
+    ``base``: where it stands, as far as no instrument shows it (:mod:`~gtpin.model.place`). ``tool``: where the tool sits, if
+    the place of the target was unknown. ``rest``: everything else.
     """
 
     base: float

@@ -12,7 +12,7 @@ import pinocchio as pin
 from scipy.linalg import block_diag
 
 from gtpin.data.ids import normal_ids
-from gtpin.data.instrument_tables import InstrumentTable
+from gtpin.data.instrument_tables import InstrumentTable, TrackerTable
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.operating_points import Column
 from gtpin.errors import ModelError, renamed
