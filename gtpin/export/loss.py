@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gtpin.accuracy.expected import Undetermined
+from gtpin.accuracy.workspace import well_conditioned
 from gtpin.compensation.correctable import geometric_scales
 from gtpin.compensation.machine import needed_by
 from gtpin.data.names import is_approach
@@ -93,13 +94,18 @@ def ranges(model: Model) -> tuple[Floats, Floats]:
 
 
 def postures(model: Model) -> tuple[Floats, Poses]:
-    """Commands that fill the ranges, and their poses by geometry alone, base frame."""
+    """Commands that fill the ranges, and their poses by geometry alone, base frame: without those near singularities, where
+    they are not all so."""
     from scipy.stats import qmc  # its sequence has any number of coordinates
 
     lower, upper = ranges(model)
     q = lower + (upper - lower) * qmc.Halton(len(lower), scramble=False).random(POSES)
     poses = model.kinematics.forward(q)
-    return q[poses.reached], poses[poses.reached]
+    kept = poses.reached
+    sound = kept.copy()
+    sound[kept] = well_conditioned(model, q[kept], poses[kept])
+    kept = sound if sound.any() else kept
+    return q[kept], poses[kept]
 
 
 def both_approaches(count: int) -> Floats:
