@@ -17,6 +17,7 @@ from with_effects import active
 
 import gtpin
 from gtpin.data import Commands
+from gtpin.report.steps import beside
 
 Run = Callable[..., Any]
 
@@ -127,6 +128,39 @@ def test_commands_out_of_reach_are_named_and_stay_and_the_others_are_corrected(
     assert "none of the poses can be reached" in ran.err
 
 
+def test_commands_that_stay_are_told_with_how_far_the_tcp_is_off_there(run: Run, tmp_path: Path) -> None:
+    """A UR5 whose forearm is 2 mm short can't reach what the nominal arm does when it is stretched."""
+    nominal = gtpin.read_model("ur5")
+    geometry, name = nominal.geometry, "placement[wrist_1_joint].x"
+    short = gtpin.Model(geometry.with_values(geometry.values + 2e-3 * (np.array(geometry.names) == name)))
+    gtpin.write_model(short, tmp_path / "short")
+    q = np.array([[0.3, -1.2, 1.4, 0.2, 1.5, 0.1], [0.3, -1.2, 0.0, 0.2, 1.5, 0.1], [0.1, -1.0, 0.0, 0.4, 1.4, 0.2]])
+    Commands(np.array(["bent", "far", "farther"], dtype=object), q).write(tmp_path / "commands.csv")
+    ran = run("export", tmp_path / "short", "-o", tmp_path / "new.csv", "--commands", tmp_path / "commands.csv")
+    assert ran.code == 0, ran.err
+    found = re.search(
+        r"as they were, .*: far \(row 3\), farther \(row 4\); there the TCP is off by (\S+) um RMS", ran.err
+    )
+    assert found is not None, ran.err
+    assert float(found[1]) == pytest.approx(2000.0, rel=0.01)  # the forearm is straight: the whole arm beyond it moves
+
+
+def test_where_no_table_can_correct_anything_the_error_says_what_can(run: Run, tmp_path: Path) -> None:
+    for robot, words in (("ur5", "--format dh"), ("gantry_tau", "write a URDF")):
+        said = run("export", robot, "-o", tmp_path / "corrections.csv").failed()
+        assert words in said
+        assert "--commands" in said
+
+
+def test_what_moves_the_target_is_not_promised_to_be_corrected() -> None:
+    model, q = gtpin.read_model("ur5"), np.random.default_rng(0).uniform(-1.0, 1.0, (20, 6))
+    time = {"time": np.linspace(0.0, 1e4, 20)}
+    drift = active(model, q, "target_drift", "platform", covariates=time, first=1e-4)
+    assert beside(model) == ""
+    assert "without" in (said := beside(replace(model, effects=(drift,))))
+    assert "target" in said
+
+
 def test_a_table_of_corrections_is_what_to_command(run: Run, erring: Path, tmp_path: Path) -> None:
     ran = run("export", erring, "-o", tmp_path / "drives.csv")
     assert "drives.csv does not hold target_offset@platform" in ran.err
@@ -155,7 +189,7 @@ def test_tables_of_all_errors_say_what_they_leave(
     assert told["written"] == [str(tmp_path / name) for name in written]
     assert all((tmp_path / name).is_file() for name in written)
     # The target's offset is the instrument's; the drive's scale is all that is left to correct.
-    assert re.search(r"not the machine's, so not corrected: target_offset@platform", told["warnings"][0])
+    assert re.search(r"not corrected: target_offset@platform: it moves the target", told["warnings"][0])
     assert re.search(rf"{file} leaves \S+.* of \S+ um of the TCP's error in the (box|range)", told["warnings"][1])
     about_parts = [text for text in told["warnings"][2:] if "leaves lengths of parts in x and y off by" in text]
     assert len(about_parts) == ("--box" in more)

@@ -9,7 +9,7 @@ import csv
 import json
 import re
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -19,6 +19,7 @@ import pinocchio as pin
 import pytest
 from ran import called
 from scipy.spatial.transform import Rotation
+from with_effects import active
 
 import gtpin
 
@@ -69,6 +70,17 @@ def off(found: np.ndarray, true: np.ndarray) -> float:
     a, b = found - found.mean(axis=0), true - true.mean(axis=0)
     turn, _ = Rotation.align_vectors(b, a)
     return float(np.sqrt(((turn.apply(a) - b) ** 2).sum(axis=1).mean()))
+
+
+def off_with_tool(found: np.ndarray, true: np.ndarray, turned: np.ndarray) -> float:
+    """The same with a shift of the tool: where it sits was not known either. ``turned``: (N, 3, 3) its rotations."""
+    x = true - true.mean(axis=0)
+    base = np.concatenate(
+        [np.tile(np.eye(3), (len(x), 1, 1)), -np.cross(x[:, None], np.eye(3)).transpose(0, 2, 1), turned], axis=2
+    ).reshape(-1, 9)
+    left = (found - true).ravel()
+    left = left - base @ np.linalg.lstsq(base, left, rcond=None)[0]
+    return float(np.sqrt((left**2).sum() / len(x)))
 
 
 def stated(text: str) -> tuple[float, float]:
@@ -140,6 +152,35 @@ def test_corrected_commands_bring_the_tool_and_not_the_target_to_where_the_progr
     after = off(np.array([M.translation for M in machine.tools(machine.real, found)]), wanted)
     assert after < min(2.0 * expected, most, before)
     assert "has the tool, tool0, where the robot's own file has it" in said
+
+
+def test_tables_of_a_drive_tell_the_error_of_the_tool_and_not_how_far_off_the_target_sat(
+    machine: Machine, tmp_path: Path
+) -> None:
+    """The elbow goes 0.3 mrad too far per rad. The controller has the exported kinematics, and commands by the table."""
+    q, scale = np.random.default_rng(98).uniform(LOW, HIGH, (100, 6)), 3e-4
+    model = gtpin.read_model(machine.folder / "calibrated")
+    erring = replace(model, effects=(active(model, q, "encoder_scale", "elbow_joint", scale=scale),))
+    gtpin.write_model(erring, tmp_path / "model")
+    file = tmp_path / "corrections.csv"
+    ran = called("export", tmp_path / "model", "-o", file)
+    assert ran.code == 0, ran.err
+    expected, most = stated(ran.err)
+    rest = re.search(r"where the tool sits, (\S+) um; everything else, (\S+) um", ran.err)
+    assert rest is not None
+    assert "The file holds the model exactly" in ran.err
+    rows = [row for row in csv.DictReader(file.open(encoding="utf-8")) if row["actuator"] == "elbow_joint"]
+    nominal, forward = (np.array([float(row[name]) for row in rows]) for name in ("nominal", "forward"))
+    told = q.copy()
+    told[:, 2] = np.interp(q[:, 2], nominal, forward) * (1.0 + scale)
+    urdf = tmp_path / "robot.urdf"
+    machine.exported(urdf)
+    read = pin.buildModelFromUrdf(str(urdf))
+    found = np.array([M.translation for M in machine.tools(read, q)])
+    true = np.array([M.translation for M in machine.tools(machine.real, told)])
+    assert off(found, true) < min(2.0 * expected, most) < 4e-3
+    turned = np.array([M.rotation for M in machine.tools(machine.real, told)])
+    assert off_with_tool(found, true, turned) < 3e-6 * float(rest[2])
 
 
 def test_a_model_that_is_read_again_knows_the_target_and_an_exported_urdf_the_tool(

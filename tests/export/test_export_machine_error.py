@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from drawn_machines import Drawn, told
+from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 from with_effects import active
 
@@ -61,6 +62,51 @@ def test_what_the_data_leave_open_is_what_drawn_machines_do(drawn_of: Callable[[
         for one in model.sample(300, np.random.default_rng(0))
     ]
     assert doubt.rms(np.zeros_like(plain))[0] == pytest.approx(np.sqrt(np.mean(power)), rel=0.1)
+
+
+@pytest.mark.parametrize("target", [False, True], ids=["the TCP measured", "a target anywhere"])
+def test_what_is_not_determined_is_where_machine_and_tool_are_and_the_rest(target: bool) -> None:
+    """Machines drawn from a posterior, each moved as a whole to where it fits best, and then its tool shifted too."""
+    rng = np.random.default_rng(3)
+    nominal = gtpin.read_model("ur5")
+    geometry = nominal.geometry
+    if target:  # 70 mm off, first found 1 mm beside
+        at = {"platform.x": 0.02, "platform.y": -0.03, "platform.z": 0.06}
+        own = tuple(replace(p, nominal=at.get(p.name, p.nominal) + 1e-3 * (p.name in at)) for p in geometry.parameters)
+        values = np.array([at.get(p.name, value) for p, value in zip(own, geometry.values, strict=True)])
+        geometry = replace(geometry, parameters=own, values=values)
+    covariance = np.diag((0.2 * geometry.tolerance) ** 2)
+    frame = gtpin.Frame(T=np.array([2.0, -1.0, 0.4]), R=Rotation.from_rotvec([0.1, -0.2, 2.1]).as_matrix())
+    model = gtpin.Model(geometry, frame=frame, covariance=covariance)
+    q = rng.uniform([-1.5, -2.7, 0.1, -1.5, 0.1, -1.5], [1.5, 0.3, 3.1, 1.5, 3.1, 1.5], (50, 6))
+    doubt = open_directions(machine_at(model)[0], model, q)
+    assert doubt is not None
+    assert doubt.parts is not None
+    tool = model.of_tool()
+    assert model.free_target is target
+    assert not tool.geometry.platform.any()
+    poses, powers = tool.kinematics.forward(q), []
+    for machine in tool.sample(60, rng):
+        off = machine.kinematics.forward(q).T - poses.T
+        x = poses.T - poses.T.mean(axis=0)
+        base = np.concatenate(
+            [np.tile(np.eye(3), (50, 1, 1)), -np.cross(x[:, None], np.eye(3)).transpose(0, 2, 1)], axis=2
+        )
+        placed = np.concatenate([base, poses.R], axis=2) if target else base
+        power = [float((off**2).sum())]
+        for ways in (base.reshape(150, -1), placed.reshape(150, -1)):
+            left = off.ravel() - ways @ np.linalg.lstsq(ways, off.ravel(), rcond=None)[0]
+            power.append(float((left**2).sum()))
+        powers.append(power)
+    every, standing, rest = np.mean(powers, axis=0) / 50
+    found = doubt.parts
+    assert found.base == pytest.approx(np.sqrt(every - standing), rel=0.25)
+    assert found.rest == pytest.approx(np.sqrt(rest), rel=0.25)
+    assert found.tool == pytest.approx(np.sqrt(standing - rest), rel=0.25) if target else found.tool == 0.0
+    assert doubt.rms(np.zeros((50, 3)))[0] == pytest.approx(np.hypot(found.tool, found.rest))
+    said = doubt.words
+    assert "where the machine stands" in said
+    assert ("where the tool sits" in said) is target
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -105,11 +106,11 @@ def test_one_target_is_found_for_all_stations(tmp_path: Path, orientations: bool
     assert off @ np.linalg.solve(covariance_of(found, frames), off) < chi2.isf(CHANCE, len(off))
 
 
+@pytest.mark.filterwarnings("ignore:robot.urdf:gtpin.errors.GtpinWarning")
 @pytest.mark.parametrize("free", [True, False])
 def test_the_exported_urdf_has_a_link_where_the_target_was_measured(tmp_path: Path, free: bool) -> None:
     """Pinocchio's placement of this link, seen from the station, is what was read, to the noise."""
     truth = measured(tmp_path, 6, target=True)
-    place = "free" if free else truth.target.translation.tolist()
     place = "free" if free else truth.target.translation.tolist()
     found = calibrated(truth.write_second(tmp_path / "set", target=place))
     export(found.model, tmp_path / "robot.urdf")
@@ -120,6 +121,25 @@ def test_the_exported_urdf_has_a_link_where_the_target_was_measured(tmp_path: Pa
         x = np.array([found.unknown(f"laser.frame[{session}].{axis}").value for axis in AXES])
         power += ((read - x[:3] - pin.exp3(x[3:]) @ data.oMf[link].translation) ** 2).sum() / SIGMA**2
     assert power < chi2.isf(CHANCE, 3 * len(truth.q))
+
+
+@pytest.mark.parametrize("how", ["write", "write_second", "write_one_each"])
+def test_the_tool_has_no_correction_where_the_place_of_a_target_was_unknown(tmp_path: Path, how: str) -> None:
+    """Whatever describes the stations. Where the place was declared, the tool has its six rows, and nothing is assumed."""
+    truth = measured(tmp_path, 6, target=True)
+    for name, place in (("free", "free"), ("known", truth.target.translation.tolist())):
+        if how == "write" and name == "known":
+            continue  # schema 1 can't say it
+        model = calibrated(getattr(truth, how)(tmp_path / f"{name}_set", target=place)).model
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            export(model, tmp_path / f"{name}.urdf")
+            export(model, tmp_path / f"{name}.csv", "dh")
+        words = "\n".join(str(warning.message) for warning in said)
+        assert ("has the tool, tool0, where the robot's own file has it" in words) is (name == "free")
+        assert "is in the base frame, as the tolerances give it" in words  # the frames were free
+        rows = (tmp_path / f"{name}.csv").read_text(encoding="utf-8").splitlines()
+        assert sum(row.startswith("tool,") for row in rows) == (0 if name == "free" else 6)
 
 
 def test_both_schemas_and_python_say_the_same(tmp_path: Path) -> None:
