@@ -24,10 +24,11 @@ from gtpin.data import InstrumentSection
 from gtpin.export import Box
 from gtpin.extras.controllers.controller import controller_of
 from gtpin.extras.controllers.grid_table import grid_table
-from gtpin.extras.controllers.machine_error import on_the_bed, open_directions
+from gtpin.extras.controllers.machine_error import motions_of_no_error, open_directions
 from gtpin.extras.controllers.tables import printer_correction
 from gtpin.extras.controllers.towers import Drives, Towers, drives_of
 from gtpin.extras.importers.touches import Touches, write_touches
+from gtpin.model.place import without_place
 
 BOX = Box.of((-0.15, 0.15, -0.12, 0.12, 0.0, 0.2), (0.0, 0.0, 0.3))
 TOWERS = Towers(0.52425, np.full(3, 0.999), np.radians([210.0, 330.0, 90.0]), np.full(3, 0.9), np.ones(3))
@@ -72,7 +73,8 @@ def of_printer(truth: gtpin.Model, model: gtpin.Model, drives: Drives | None) ->
     points = BOX.fill(512)
     left = found.left[0]
     errors = truth.predict(found.controller(found.tables[0].applied(points))).T - BOX.origin - points
-    return *left.doubt.rms(left.after), rms(left.after), rms(on_the_bed(errors, points) if left.standing else errors)
+    errors = without_place(errors, points + BOX.origin, motions_of_no_error(model))
+    return *left.doubt.rms(left.after), rms(left.after), rms(errors)
 
 
 def of_commands(truth: gtpin.Model, model: gtpin.Model, *, grid: bool) -> tuple[float, ...]:

@@ -17,6 +17,7 @@ from gtpin.accuracy.workspace import Workspace, default_commands, space_of
 from gtpin.errors import ModelError, check_kind, noted
 from gtpin.kinematics.rotations import well_defined, zyz
 from gtpin.model.model import Model
+from gtpin.model.place import free_motions
 from gtpin.output.shown import Shown, present
 from gtpin.read_only import gives_read_only
 from gtpin.real import real
@@ -201,7 +202,7 @@ def _usual_uncertainty(model: Model, sigmas: Floats | None) -> tuple[str, Uncert
     if sigmas is not None:
         return "closure residuals of the given costs", Uncertainty(closures=sigmas)
     if model.covariance is not None:
-        free = ", without where the machine stands" if model.stands_anywhere else ""
+        free = ", without where the machine stands" if free_motions(model).size else ""
         return f"covariance of the calibration{free}", Uncertainty(model.covariance)
     sizes: dict[str, list[float]] = {}
     for p in model.geometry.parameters:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -13,15 +13,13 @@ from gtpin.accuracy.sensitivity import check_closure_sigmas
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import Kinematics, reached_poses
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import frame_motions
 from gtpin.model.model import Model, root_of
+from gtpin.model.place import free_motions, without_place
 from gtpin.real import generator
 from gtpin.typing import Floats
 
 CHUNK = 5_000_000
 """Largest number of array elements in memory at the same time."""
-ALMOST = 1e-3
-"""Weight of rotations, 1/rad, beside that of positions, 1/m, if they shall decide only what positions leave open."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +48,13 @@ class ErrorResponse:
     """Response of the TCP to independent standard normal causes.
 
     ``fixed``: (N, c, a) response to causes that are the same at all poses of a machine, m and rad. ``fresh``: (N, c, b)
-    response to causes that are independent from pose to pose, m and rad.
+    response to causes that are independent from pose to pose, m and rad. ``place``: (N, c, a) motion of the whole machine by
+    the former causes, m and rad, which is no part of the errors because no instrument shows it.
     """
 
     fixed: Floats
     fresh: Floats
+    place: Floats = field(default_factory=lambda: np.zeros((1, 6, 0)))
 
     @property
     def covariance(self) -> Floats:
@@ -108,54 +108,36 @@ def closure_response(kinematics: Kinematics, q: Floats, poses: Poses) -> Floats:
 def response(model: Model, q: Floats, uncertainty: Uncertainty) -> ErrorResponse:
     """The TCP's response at commands q (N, n), base frame, to the causes of an uncertainty.
 
-    For a model of a free instrument, it is relative to the machine placed best: see :func:`placed_best`.
+    It is without where the machine stands, as far as no instrument shows it: see :mod:`~gtpin.model.place`.
 
     Raises `ModelError` if the uncertainty does not have the model's number of parameters, or has closures for a robot
     without rods. `UnreachableError` if the commands can't be reached.
     """
     kinematics = model.kinematics
     poses = reached_poses(kinematics, q)
-    fixed, fresh = np.zeros((len(q), 6, 0)), [np.zeros((len(q), 6, 0))]
+    whole = fixed = np.zeros((len(q), 6, 0))
+    fresh = [fixed]
     if uncertainty.parameters is not None:
         count = len(model.geometry.parameters)
         if uncertainty.parameters.shape != (count, count):
             shape = uncertainty.parameters.shape
             raise ModelError(f"a covariance of shape {shape}", hint=f"{model.robot.name} has {count} parameters here")
         fixed = kinematics.geometry_jacobian(q, poses)[:, :6] @ root_of(uncertainty.parameters)
-        fixed = placed_best(fixed, poses) if model.stands_anywhere else fixed
+        whole, fixed = fixed, without_place(fixed, poses.T, free_motions(model))
     if uncertainty.closures is not None:
         check_closure_sigmas(model, uncertainty.closures)
         fresh.append(closure_response(kinematics, q, poses) * uncertainty.closures)
     if uncertainty.repeatability > 0.0:
         fresh.append(kinematics.command_jacobian(q, poses)[:, :6] * uncertainty.repeatability)
-    return ErrorResponse(fixed, np.concatenate(fresh, axis=2))
-
-
-def placed_best(motion: Floats, poses: Poses, *, base: bool = True, tool: bool = False) -> Floats:
-    """Motions (N, 6, a) of the TCP at N poses, m and rad, each without the most that a motion of the whole machine explains.
-
-    A free instrument does not show where the machine stands: such a motion is no error of the machine. Positions and rotations
-    count relative to what of each remains if the positions alone place the machine. ``base``, ``tool``: whether a motion of
-    the whole machine, and a shift of the TCP on its link, are taken away.
-    """
-    F, weight = frame_motions(poses.T - poses.T.mean(axis=0))[:, :, : 6 * base], np.repeat([1.0, ALMOST], 3)
-    if tool:
-        F = np.concatenate([F, np.concatenate([poses.R, np.zeros_like(poses.R)], axis=1)], axis=2)
-    for _ in range(2):
-        flat = (F * weight[:, None]).reshape(-1, F.shape[2])
-        shift = np.linalg.lstsq(flat, (motion * weight[:, None]).reshape(len(flat), -1), rcond=None)[0]
-        left = np.asarray(motion - F @ shift)
-        size = np.sqrt([(left[:, part] ** 2).sum() for part in (slice(0, 3), slice(3, 6))])
-        weight = np.repeat(1.0 / np.maximum(size, ALMOST * max(float(size.max()), 1e-300)), 3)
-    return left
+    return ErrorResponse(fixed, np.concatenate(fresh, axis=2), whole - fixed)
 
 
 @dataclass(frozen=True)
 class Undetermined:
     """Root mean square motions of the TCP, m, by what data do not determine of a machine; their squares add up.
 
-    ``base``: where it stands, if the instrument's frame was free. ``tool``: where the tool sits, if the place of the target
-    was unknown. ``rest``: everything else.
+    ``base``: where it stands, as far as no instrument shows it (:mod:`~gtpin.model.place`). ``tool``: where the tool sits, if
+    the place of the target was unknown. ``rest``: everything else.
     """
 
     base: float
@@ -164,14 +146,14 @@ class Undetermined:
 
     @staticmethod
     def of(model: Model, motion: Floats, poses: Poses) -> Undetermined:
-        """The parts of motions (N, 6, k), m and rad, by k independent standard normal unknowns at N poses of the tool.
+        """The parts of motions (N, 3, k), m, by k independent standard normal unknowns at N poses of the tool.
 
         ``model``: the model of the measurements.
         """
-        stands = model.stands_anywhere
-        placed = placed_best(motion, poses) if stands else motion
-        rest = placed_best(motion, poses, base=stands, tool=True) if model.free_target else placed
-        powers = [float((one[:, :3] ** 2).sum(axis=(1, 2)).mean()) for one in (motion, placed, rest)]
+        free = free_motions(model)
+        placed = without_place(motion, poses.T, free)
+        rest = without_place(motion, poses.T, free, poses.R) if model.free_target else placed
+        powers = [float((one**2).sum(axis=(1, 2)).mean()) for one in (motion, placed, rest)]
         base, tool = (float(np.sqrt(max(a - b, 0.0))) for a, b in itertools.pairwise(powers))
         return Undetermined(base, tool, float(np.sqrt(powers[2])))
 

@@ -184,14 +184,25 @@ def _filling(model: Model, count: int, seed: int) -> tuple[Floats, Poses]:
     poses there."""
     from scipy.stats import qmc
 
-    robot, kinematics = model.robot, model.kinematics
-    lower, upper = model.robot.ends
+    robot = model.robot
+    lower, upper = robot.ends
     q = lower + (upper - lower) * qmc.Halton(robot.n_actuators, rng=generator(seed)).random(count)
-    poses = kinematics.forward(q)
+    poses = model.kinematics.forward(q)
     kept = poses.reached
-    if robot.constraints:
-        kept[kept] = _gain(model, q[kept], poses[kept]) <= CONDITIONED[1]
+    kept[kept] = well_conditioned(model, q[kept], poses[kept], rods=False)
     return q[kept], poses[kept]
+
+
+def well_conditioned(model: Model, q: Floats, poses: Poses, *, rods: bool = True) -> Mask:
+    """(N,) whether commands q (N, n), whose poses are reached, are about as far from a singularity as home.
+
+    All are of a robot without loops. ``rods``: whether the stricter condition holds for a robot with rods.
+    """
+    if not model.robot.constraints:
+        return np.ones(len(q), dtype=bool)
+    if not (rods and model.robot.rod_sites):
+        return _gain(model, q, poses) <= CONDITIONED[1]
+    return (singularity(model.kinematics, q, poses)[0] >= SOUND) & (_gain(model, q, poses) <= CONDITIONED[0])
 
 
 def _gain(model: Model, q: Floats, poses: Poses) -> Floats:
@@ -208,8 +219,7 @@ def _fit_to_work(model: Model, lower: Floats, upper: Floats, count: int) -> Floa
         q = lower + shares * (upper - lower)
         poses = model.kinematics.forward(q)
         q, poses = q[poses.reached], poses[poses.reached]
-        sound = singularity(model.kinematics, q, poses)[0] >= SOUND
-        found = np.vstack([found, q[sound & (_gain(model, q, poses) <= CONDITIONED[0])]])
+        found = np.vstack([found, q[well_conditioned(model, q, poses)]])
         if len(found) >= count:
             break
     return found[:count]

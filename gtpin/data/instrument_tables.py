@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, field_validator, model_validator
 
 from gtpin.data.description import (
@@ -21,6 +22,7 @@ from gtpin.data.description import (
     with_free_frames,
 )
 from gtpin.errors import DatasetError
+from gtpin.typing import Floats
 
 LARGEST = 1e12
 """Largest absolute value, m or rad, of a number in a description or a reading: its fourth power is still finite."""
@@ -37,8 +39,30 @@ Name = Annotated[str, StringConstraints(pattern=f"^{NAME}$"), hint(NAME_HINT)]
 Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 Point = Annotated[tuple[Finite, Finite, Finite], Field(strict=False)]
 Distance = Annotated[tuple[Text, Text, Positive, Positive], Field(strict=False)]
+EXACT = 1e-9
+"""Standard deviation, m and rad, of a declared place that is exact."""
 _TARGET = hint("target = [x, y, z], three finite numbers in m, TCP frame")
 _DISTANCES = 'distances = [["S1", "S2", 0.05, 5e-5]]: two sockets, m, and 1 sigma'
+
+
+def shows_place(sigma: float, motions: Floats) -> Floats:
+    """(6, 6) information on motions of the machine from places that are declared with a standard deviation, m or rad.
+
+    ``motions``: (..., 6) displacement of each place relative to the machine by three shifts, m, and three rotations, rad, of
+    the machine about the base's origin.
+    """
+    rows = motions.reshape(-1, 6)
+    return np.asarray(rows.T @ rows / max(sigma, EXACT) ** 2)
+
+
+def _points_by_place(points: Iterable[Point]) -> Floats:
+    """(N, 3, 6) displacements of points (3,), m, base frame, for :func:`shows_place`."""
+    return np.array([np.hstack([np.eye(3), -np.cross(np.eye(3), p).T]) for p in points]).reshape(-1, 3, 6)
+
+
+def _tilts(normal: Floats) -> Floats:
+    """(3, 6) tilts of a unit vector (3,), for :func:`shows_place`."""
+    return np.hstack([np.zeros((3, 3)), -np.cross(np.eye(3), normal).T])
 
 
 class InstrumentTable(BaseModel):
@@ -109,6 +133,12 @@ class InstrumentTable(BaseModel):
         """Names of the links, beside the platform, whose rotations it reads; none by default."""
         return ()
 
+    def place_information(self, up: Floats) -> Floats:
+        """(6, 6) information of its declared place on three shifts of the machine, m, and three rotations, rad, about the
+        base's origin: what its readings would show if they had no noise. By default, all six exactly. ``up``: (3,) unit
+        vector against gravity, base frame."""
+        return shows_place(0.0, np.eye(6))
+
 
 class TrackerTable(InstrumentTable):
     """A laser tracker, a camera, or motion capture: positions, and orientations where it reads them.
@@ -139,6 +169,10 @@ class TrackerTable(InstrumentTable):
             raise mistake("sigma", "sigma and position_sigma", "write one of the two: they are the same")
         return self
 
+    def place_information(self, up: Floats) -> Floats:
+        """None of a free frame."""
+        return super().place_information(up) * (self.frame == "robot")
+
 
 class RangeTable(InstrumentTable):
     """Distances from stations: a ball bar, a draw wire, a laser tracer.
@@ -157,6 +191,10 @@ class RangeTable(InstrumentTable):
     ] = Field(min_length=1)
     station_sigma: NotNegative = 0.5
     offset_sigma: NotNegative = 0.0
+
+    def place_information(self, up: Floats) -> Floats:
+        """That of its stations."""
+        return shows_place(self.station_sigma, _points_by_place(self.stations.values()))
 
 
 class PlaneOf(BaseModel):
@@ -193,6 +231,15 @@ class PlaneTable(InstrumentTable):
     plane_sigma: NotNegative = 5e-3
     normal_sigma: NotNegative = 5e-3
 
+    def place_information(self, up: Floats) -> Floats:
+        """Of each plane, on shifts along its normal and on tilts."""
+        found = np.zeros((6, 6))
+        for plane in self.planes.values():
+            n = np.array(plane.normal) / np.linalg.norm(plane.normal)
+            found += shows_place(self.plane_sigma, n @ _points_by_place([plane.point]))
+            found += shows_place(self.normal_sigma, _tilts(n))
+        return found
+
 
 class SocketTable(InstrumentTable):
     """A ball in sockets, a pin in holes, a datum sphere: the target is at one point in all rows of one id.
@@ -220,6 +267,10 @@ class SocketTable(InstrumentTable):
                 raise mistake("distances", f"a distance from {one} to itself", _DISTANCES)
         return self
 
+    def place_information(self, up: Floats) -> Floats:
+        """That of its known points."""
+        return shows_place(self.socket_sigma or 1.0, _points_by_place(self.sockets.values()))
+
 
 class TiltTable(InstrumentTable):
     """A tilt sensor on a link: the x and y component, in its own frame, of the unit vector against gravity.
@@ -242,6 +293,10 @@ class TiltTable(InstrumentTable):
         """The link that it sits on."""
         return (self.link,) if self.link else ()
 
+    def place_information(self, up: Floats) -> Floats:
+        """On tilts against gravity."""
+        return shows_place(self.mount_sigma, _tilts(up))
+
 
 class EncoderTable(InstrumentTable):
     """An encoder of a passive joint, which no actuator drives.
@@ -260,6 +315,10 @@ class EncoderTable(InstrumentTable):
     def measured_joints(self) -> tuple[str, ...]:
         """The joint that it reads."""
         return (self.joint,)
+
+    def place_information(self, up: Floats) -> Floats:
+        """None."""
+        return np.zeros((6, 6))
 
 
 class AnyTable(InstrumentTable):

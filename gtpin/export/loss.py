@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gtpin.accuracy.expected import Undetermined
+from gtpin.accuracy.workspace import well_conditioned
 from gtpin.compensation.correctable import geometric_scales
 from gtpin.compensation.machine import needed_by
 from gtpin.data.names import is_approach
@@ -15,6 +16,7 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import Column, OperatingPoints
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model, root_of
+from gtpin.model.place import free_motions
 from gtpin.paper.geometry import PaperGeometry
 from gtpin.robot.parameters import DIRECTIONS
 from gtpin.typing import Floats
@@ -92,13 +94,18 @@ def ranges(model: Model) -> tuple[Floats, Floats]:
 
 
 def postures(model: Model) -> tuple[Floats, Poses]:
-    """Commands that fill the ranges, and their poses by geometry alone, base frame."""
+    """Commands that fill the ranges, and their poses by geometry alone, base frame: without those near singularities, where
+    they are not all so."""
     from scipy.stats import qmc  # its sequence has any number of coordinates
 
     lower, upper = ranges(model)
     q = lower + (upper - lower) * qmc.Halton(len(lower), scramble=False).random(POSES)
     poses = model.kinematics.forward(q)
-    return q[poses.reached], poses[poses.reached]
+    kept = poses.reached
+    sound = kept.copy()
+    sound[kept] = well_conditioned(model, q[kept], poses[kept])
+    kept = sound if sound.any() else kept
+    return q[kept], poses[kept]
 
 
 def both_approaches(count: int) -> Floats:
@@ -190,16 +197,16 @@ def assumed_tool(model: Model) -> tuple[str, ...]:
 
 
 def assumed_base(model: Model) -> tuple[str, ...]:
-    """What is assumed of where the machine stands, as a text, where the instrument's frame was free; else none."""
-    if not model.stands_anywhere:
+    """What is assumed of where the machine stands, as a text, as far as no instrument shows it; else none."""
+    if not free_motions(model).size:
         return ()
-    words = "is in the base frame, as the tolerances give it: the instrument's free frame does not show where the base stands"
+    words = "is in the base frame, as the tolerances give it: no instrument shows where the base stands"
     tool, size = model.of_tool(), len(model.geometry.parameters)
     covariance = tool.covariance if tool.joint_covariance is None else tool.joint_covariance[:size, :size]
     if covariance is None:
         return (words,)
     q, poses = postures(tool)
-    parts = Undetermined.of(model, tool.kinematics.geometry_jacobian(q, poses)[:, :6] @ root_of(covariance), poses)
+    parts = Undetermined.of(model, tool.kinematics.geometry_jacobian(q, poses)[:, :3] @ root_of(covariance), poses)
     sits = f"where the tool sits, {um(parts.tool)} um; " if parts.tool else ""
     return (
         f"{words} (expected at the TCP: {um(parts.base)} um; {sits}everything else of the geometry, {um(parts.rest)} um)",

@@ -10,6 +10,7 @@ import numpy as np
 from gtpin.kinematics.placed import carrier_rates, joints_on_carrier
 from gtpin.model.dh import table_with_base
 from gtpin.model.model import Model
+from gtpin.model.place import free_motions, relative_to_others, without_place
 from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import TOLERANCE
@@ -20,8 +21,6 @@ ZERO = TOLERANCE["zero"]
 GAIN = 3.0
 """Gain in log evidence, nats, from which a joint's zero is off by more than the tolerances explain: the prior odds are one in
 twenty joints. Assumed."""
-WIDENED = 3.0
-"""Ratio of a tolerance to that of the robot from which a calibration has widened it."""
 POSES = 300
 """Largest number of poses at which the TCP is displaced: a root mean square then has a relative standard error of 4 %."""
 
@@ -34,9 +33,10 @@ class Departure:
     - ``site``, ``what``: the part that has it and the quantity, as in the name.
     - ``value``, ``sigma``: its value less the nominal one and the standard deviation, in ``unit``: m, rad or m/m.
     - ``determined``: whether the data determine it.
-    - ``displacement``: (N, 3) displacement of the TCP by it, m, base frame. Where the pose of the instrument in the base
-      frame is unknown, the rigid motion that fits best is subtracted.
+    - ``displacement``: (N, 3) displacement of the TCP by it, m, base frame, without what a motion of the whole machine
+      explains that no instrument shows (:mod:`~gtpin.model.place`).
     - ``reversed``: whether it is a length ``a`` of a table in which it is negative: the link is shorter where it increases.
+    - ``relative``: whether it is known relative to other parameters alone: a common motion of the machine is not determined.
     """
 
     name: str
@@ -48,6 +48,7 @@ class Departure:
     determined: bool
     displacement: Floats = field(repr=False, compare=False)
     reversed: bool = False
+    relative: bool = False
 
     @property
     def position_rms(self) -> float:
@@ -81,8 +82,7 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
     if not len(q):
         return ()
     J = middle.geometry_jacobian(q, poses)[:, :3]
-    if model.stands_anywhere:
-        J = _without_rigid_motion(J, poses.T)
+    J = without_place(J, poses.T, free_motions(model))
     table, found = table_with_base(model), []
     # Where the place of the target is unknown, the data say nothing of the tool.
     target = model.free_target
@@ -95,22 +95,14 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
             moved = J @ row.motion * row.correction
             found.append(Departure(name, row.site, what, *numbers, moved, row.name == "a" and row.nominal < 0.0))
     if not table:
+        relative = dict(zip(geometry.names, relative_to_others(model, covariance).tolist(), strict=True))
         for one in with_zeros(geometry, covariance):
             what, _, rest = one.name.partition("[")
             if what.partition(".")[0] != "platform" or not target:
                 numbers, moved = (one.value, one.sigma, one.unit, True), J @ one.way * one.value
-                found.append(Departure(one.name, rest.partition("]")[0], what, *numbers, moved))
+                known = relative.get(one.name, False)
+                found.append(Departure(one.name, rest.partition("]")[0], what, *numbers, moved, relative=known))
     return tuple(sorted(found, key=lambda one: -one.position_rms))
-
-
-def _without_rigid_motion(J: Floats, T: Floats) -> Floats:
-    """(N, 3, p) derivatives without the rigid motions of all points T (N, 3) that fit them best."""
-    x, y, z = (T - T.mean(axis=0)).T
-    o, one = np.zeros_like(x), np.ones_like(x)
-    ways = np.stack([[one, o, o, o, z, -y], [o, one, o, -z, o, x], [o, o, one, y, -x, o]], axis=0)  # (3, 6, N)
-    rigid = np.moveaxis(ways, 2, 0).reshape(-1, 6)
-    flat = J.reshape(-1, J.shape[2])
-    return np.asarray(flat - rigid @ np.linalg.lstsq(rigid, flat, rcond=None)[0]).reshape(J.shape)
 
 
 class ParameterOrZero(NamedTuple):
@@ -138,9 +130,12 @@ def with_zeros(geometry: Geometry, covariance: Floats) -> list[ParameterOrZero]:
     The log evidence of a further zero with the direction v is larger by m^2 / (2 (g + ZERO^-2)) - log(1 + ZERO^2 g) / 2, with
     m = v' (b - H B S B' b) and g = v' (H - H B S B' H) v. The zero with the largest gain is added, until none exceeds `GAIN`.
 
+    The prior covariances are those of the tolerances as declared (`declared_tolerance`): where a calibration widened some,
+    a zero may explain what they were widened for. Without such a zero the posterior is that of the fit.
+
     ``covariance``: C, (p, p). A parameter that is the rotation of a driven joint about its own axis is returned as its zero.
     """
-    size, left = _declared(geometry), _zeros(geometry)
+    size, left = geometry.declared_tolerance, _zeros(geometry)
     inverse = np.linalg.inv(covariance / np.outer(size, size))  # all in units of the declared tolerances
     power, axes = np.linalg.eigh(inverse - np.diag((size / geometry.tolerance) ** 2))
     H, b = axes * np.maximum(power, 0.0) @ axes.T, inverse @ (geometry.deviation / size)
@@ -159,6 +154,8 @@ def with_zeros(geometry: Geometry, covariance: Floats) -> list[ParameterOrZero]:
         B = np.column_stack([B, ZERO * chosen[-1][2] / size])
     prior = np.append(size, np.full(len(chosen), ZERO))
     mean, joint, every = prior * (S @ B.T @ b), np.outer(prior, prior) * S, np.eye(len(prior))
+    if not chosen:  # nothing but the fit itself
+        mean, joint = geometry.deviation, covariance
     rows = {p.name: (p.unit, every[k, : len(size)], every[k]) for k, p in enumerate(geometry.parameters)}
     rows |= {name: (unit, way, every[len(size) + k]) for k, (name, unit, way) in enumerate(chosen)}
     beyond = {name for name, _, _ in chosen}
@@ -171,19 +168,6 @@ def with_zeros(geometry: Geometry, covariance: Floats) -> list[ParameterOrZero]:
         ParameterOrZero(name, unit, way, float(parts @ mean), float(np.sqrt(parts @ joint @ parts)), name in beyond)
         for name, (unit, way, parts) in rows.items()
     ]
-
-
-def _declared(geometry: Geometry) -> Floats:
-    """(p,) tolerances before a calibration widened those of parameters far from nominal."""
-    usual = {p.name: p.tolerance for p in Geometry.nominal(geometry.robot).parameters}
-    return np.array(
-        [
-            usual.get(p.name, p.tolerance)
-            if p.tolerance >= WIDENED * usual.get(p.name, np.inf) and not p.is_free
-            else p.tolerance
-            for p in geometry.parameters
-        ]
-    )
 
 
 def _zeros(geometry: Geometry) -> list[tuple[str, str, Floats]]:

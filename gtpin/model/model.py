@@ -12,7 +12,7 @@ import pinocchio as pin
 from scipy.linalg import block_diag
 
 from gtpin.data.ids import normal_ids
-from gtpin.data.instrument_tables import EncoderTable, InstrumentTable, TrackerTable
+from gtpin.data.instrument_tables import InstrumentTable, TrackerTable
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.operating_points import Column
 from gtpin.errors import ModelError, renamed
@@ -296,13 +296,6 @@ class Model:
 
         joint = independent(self.joint_covariance)
         return replace(self, geometry=geometry, covariance=independent(self.covariance), joint_covariance=joint)
-
-    @property
-    def stands_anywhere(self) -> bool:
-        """Whether the data do not show where the machine stands: they were read by trackers whose frames were free."""
-        tables = [one.table for one in self.instruments if not isinstance(one.table, EncoderTable)]
-        free = [isinstance(table, TrackerTable) and table.frame == "free" for table in tables]
-        return not self.frame.is_base or (bool(free) and all(free))
 
     seen = renamed("seen", "in_instrument_frame")
 

@@ -64,7 +64,14 @@ class UnexplainedRecord(Record):
 class ModelFile(Record):
     """The whole of ``model.json``; docs/export.md explains the keys."""
 
-    optional = ("target", "held", "joint_covariance", "fit", "unexplained")  # older versions do not know them
+    optional = (
+        "target",
+        "held",
+        "widened",
+        "joint_covariance",
+        "fit",
+        "unexplained",
+    )  # older versions do not know them
     schema_: Literal["gtpin-model/1"] = Field(alias="schema")
     robot: str
     nominal_urdf: str
@@ -75,6 +82,7 @@ class ModelFile(Record):
     tracks: list[TrackRecord | None] = Field(default_factory=list)
     parameters: dict[str, Finite]
     tolerance: dict[str, Positive]
+    widened: dict[str, Positive] = Field(default_factory=dict)
     target: list[Finite] | None = Field(default=None, min_length=6, max_length=6)
     held: dict[str, Finite] = Field(default_factory=dict)
     covariance: list[list[Finite]] | None = None

@@ -129,6 +129,7 @@ def _content(model: Model) -> ModelFile:
         ],
         parameters={name: float(value) for name, value in zip(geometry.names, geometry.values, strict=True)},
         tolerance={p.name: p.tolerance for p in geometry.parameters},
+        widened={p.name: p.widened for p in geometry.parameters if p.widened != 1.0},
         target=None if geometry.target is None else [p.nominal for p in geometry.parameters if p.kind == "platform"],
         held={p.name: value for p, value in geometry.held},
         covariance=_listed(model.covariance),
@@ -272,8 +273,10 @@ def _geometry(robot: Chain, content: ModelFile) -> Geometry:
     full = full.holding(content.held)
     kept = tuple(p for p in full.parameters if p.name in content.parameters)
     values = np.array([content.parameters[p.name] for p in kept])
-    tolerances = (content.tolerance.get(p.name, p.tolerance) for p in kept)
-    parameters = tuple(replace(p, tolerance=tolerance) for p, tolerance in zip(kept, tolerances, strict=True))
+    parameters = tuple(
+        replace(p, tolerance=content.tolerance.get(p.name, p.tolerance), widened=content.widened.get(p.name, 1.0))
+        for p in kept
+    )
     guess = content.target
     if guess is None and content.tolerance.get("platform.x", 0.0) >= UNKNOWN:
         guess = list(Geometry(robot, parameters, values).platform)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtpin.accuracy.expected import Uncertainty, response
-from gtpin.accuracy.workspace import default_commands
+from gtpin.accuracy.workspace import FLAT, default_commands
 from gtpin.calibration.observability import Remedy
 from gtpin.calibration.result import Calibration, InstrumentFit
 from gtpin.data.read_instruments import SIGMAS
@@ -42,17 +42,20 @@ def elsewhere(c: Calibration) -> list[str]:
     rest of the workspace: a sentence, where that is more."""
     try:
         q = default_commands(c.model)
-        covariance = response(c.model, q, Uncertainty(c.covariance)).covariance[:, :3, :3]
+        found = response(c.model, q, Uncertainty(c.covariance))
     except UnreachableError:
         return []
-    expected = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
+    expected, place = (float(np.sqrt((part[:, :3] ** 2).sum() / len(q))) for part in (found.fixed, found.place))
     known = [one.left_out for one in c.by_instrument if one.kind == "tracker" and one.unit == "m"]
     if not known or expected <= max(known):
         return []
     poses = c.model.predict(c.dataset.q[c.used(c.dataset)]).T
-    box = " x ".join(f"{size:.2g}" for size in np.ptp(poses, axis=0))
+    sizes = np.ptp(poses, axis=0)
+    box = " x ".join(f"{size:.2g}" for size in sizes[sizes > FLAT * sizes.max()])
+    where = f", beside where the machine stands ({length(place)}), which no instrument shows" if place > 0.0 else ""
     return [
-        f"The left-out poses are in a box of {box} m. In the rest of the workspace, expect an error of {length(expected)}."
+        f"The left-out poses are in a box of {box} m. "
+        f"In the rest of the workspace, expect an error of {length(expected)}{where}."
     ]
 
 

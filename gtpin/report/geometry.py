@@ -10,7 +10,7 @@ from gtpin.diagnosis.result import Diagnosis
 from gtpin.model.departures import Departure, departures, size_of
 from gtpin.report.page import Table
 from gtpin.report.phrases import SURE
-from gtpin.report.words import counted, length, quantity
+from gtpin.report.words import counted, joined, length, quantity
 
 SHOWN = 5
 """Number of parameters on a first screen."""
@@ -37,6 +37,14 @@ WORDS = {
     "base.rb": "first axis, tilt about b",
 }
 """Zeros, and parameters of Denavit and Hartenberg, in words, by name or quantity."""
+COMMON = {
+    "track_direction": "tilt of all tracks",
+    "arm_axis": "tilt of all axes of the arms",
+    "cart_joint": "shift of all joints on the carts",
+    "arm_joint": "shift of all joints on the arms",
+    "base_joint": "shift of all joints on the base",
+}
+"""Common motions of parameters of several parts, in words."""
 
 
 def departures_of(d: Diagnosis) -> tuple[Departure, ...]:
@@ -90,9 +98,17 @@ def geometry_table(found: Sequence[Departure]) -> list[Table]:
 
 
 def geometry_line(found: Sequence[Departure]) -> str:
-    """Which parameters make the error of the nominal geometry, in a sentence; empty of a nominal geometry."""
-    if not found:
-        return ""
+    """Which parameters make the error of the nominal geometry, in a sentence, and of which only differences are known; empty of
+    a nominal geometry."""
+    common = dict.fromkeys(COMMON[one.what] for one in clear(found) if one.relative and one.what in COMMON)
+    relative = (
+        f" A common {joined(list(common))} is not determined: only differences between them are." if common else ""
+    )
+    return _largest(found) + relative if found else ""
+
+
+def _largest(found: Sequence[Departure]) -> str:
+    """Which parameters make the error of the nominal geometry, in a sentence."""
     named, whole = clear(found), size_of(np.sum([one.displacement for one in found], axis=0))
     if not named:
         return (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -163,7 +164,7 @@ def known_as(name: str, site: str) -> str:
 
 def parameter(name: str, value: float, unit: str, sigma: float | None = None) -> tuple[str, str]:
     """Name and value of a parameter as text: ``half width`` and ``24.9 ± 1.1 µm``; a period of what turns as periods a turn."""
-    words = name.replace("_", " ")
+    words = _in_words(name)
     if _periodic(name, unit):
         turns = TURN / value
         return words.replace("period", "periods a turn"), quantity(turns, "", sigma and sigma * turns / value)
@@ -180,6 +181,11 @@ def parameter_rows(cause: Cause) -> list[list[str]]:
             ends = [quantity(max(end, 0.0), "") for end in Estimate(turns, e.sigma * turns / e.value, "").interval]
         rows.append([*parameter(name, e.value, e.unit, e.sigma), *ends])
     return rows
+
+
+def _in_words(name: str) -> str:
+    """The name of a parameter of an effect; ``end_to_end[2]`` is what goes with the range of the second other drive."""
+    return re.sub(r"^end to end\[(\d+)\]$", r"over the range of other drive \1", name.replace("_", " "))
 
 
 def _periodic(name: str, unit: str) -> bool:
@@ -210,7 +216,7 @@ def size_words(parameters: Mapping[str, Estimate], count: int = 1) -> str:
     some = list(parameters.items())[:count]
     if count == 1 and some and abs(some[0][1].value) < WIDE * some[0][1].sigma:
         some = [max(parameters.items(), key=lambda one: abs(one[1].value) / max(one[1].sigma, 1e-300))]
-    return ", ".join(f"{name.replace('_', ' ')} {quantity(e.value, e.unit, e.sigma, alone=True)}" for name, e in some)
+    return ", ".join(f"{_in_words(name)} {quantity(e.value, e.unit, e.sigma, alone=True)}" for name, e in some)
 
 
 def sized(found: Findings, one: Cause | Member, words: str) -> str:

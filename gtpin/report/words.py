@@ -10,6 +10,8 @@ from gtpin.robot.chain import Chain
 
 PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n"}
 """Prefixes of units, by the power of ten."""
+ROUNDING = 1e-12
+"""Size, m or rad, below which a value is 0 but for rounding."""
 SITES = {"arm": "all links", "frame": "the instrument", "platform": "the platform"}
 """Names of the sites that are the same for all machines."""
 COORDINATES = {
@@ -74,8 +76,10 @@ def quantity(value: float, unit: str, sigma: float | None = None, *, alone: bool
     """A value with its standard deviation, without a line break: ``25.00 ± 0.90 µm``.
 
     Both have the decimals with which the standard deviation has two significant digits; a value alone has three. ``alone``:
-    the standard deviation is not written: it only takes digits from the value that are not known.
+    the standard deviation is not written: it only takes digits from the value that are not known. Below `ROUNDING` a value in
+    m or rad is written as 0.
     """
+    value = 0.0 if unit in ("m", "rad") and abs(value) < ROUNDING else value
     size = max(abs(value), sigma or 0.0)
     if not math.isfinite(size):
         return "not known"
@@ -86,7 +90,7 @@ def quantity(value: float, unit: str, sigma: float | None = None, *, alone: bool
         own = _digits(sigma / 10.0**exponent, 1 if alone else 2)
         digits = min(digits, own) if alone else own
         sigma = None if alone else sigma
-    text = f"{value:.{digits}f}"
+    text = f"{value:z.{digits}f}"
     if sigma:
         text += f" ± {sigma / 10.0**exponent:.{digits}f}"
     if unit.startswith("1/"):

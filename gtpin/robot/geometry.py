@@ -55,7 +55,10 @@ class Geometry:
 
     def with_tolerances(self, factors: Floats) -> Self:
         """The same geometry with its tolerances multiplied by factors (p,)."""
-        parameters = tuple(replace(p, tolerance=p.tolerance * f) for p, f in zip(self.parameters, factors, strict=True))
+        parameters = tuple(
+            replace(p, tolerance=p.tolerance * f, widened=p.widened * f)
+            for p, f in zip(self.parameters, factors.tolist(), strict=True)
+        )
         return replace(self, parameters=parameters)
 
     def __repr__(self) -> str:
@@ -112,6 +115,11 @@ class Geometry:
     def tolerance(self) -> Floats:
         """(p,) 1-sigma tolerances of the parameters, m, rad or m/m."""
         return np.array([p.tolerance for p in self.parameters])
+
+    @property
+    def declared_tolerance(self) -> Floats:
+        """(p,) the tolerances before a calibration widened those that its data contradict, m, rad or m/m."""
+        return np.array([p.tolerance / p.widened for p in self.parameters])
 
     @property
     def deviation(self) -> Floats:

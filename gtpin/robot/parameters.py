@@ -56,6 +56,7 @@ class Parameter:
       axes. The twists of one frame by several parameters are added. A placement is then multiplied from the right by the
       exponential of the sum; an anchor is displaced, then turned about the origin of the joint that carries it.
     - ``drive``: index of the actuator whose travel it multiplies; None: it is no drive's scale.
+    - ``widened``: the factor by which a calibration multiplied the declared tolerance, which the data contradict.
     """
 
     name: str
@@ -64,6 +65,7 @@ class Parameter:
     tolerance: float
     moves: tuple[tuple[int, Floats], ...] = field(default=(), compare=False)
     drive: int | None = None
+    widened: float = 1.0
 
     @property
     def kind(self) -> str:

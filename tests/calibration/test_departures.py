@@ -102,6 +102,49 @@ def test_all_departures_together_are_the_displacement_from_the_nominal_to_the_ca
         assert size_of(whole - change) < 0.01 * size_of(change)
 
 
+LONG = 8e-3
+
+
+def with_a_longer_far_link(tmp_path: Path, robot: str, tolerance: dict[str, float]) -> tuple[gtpin.Calibration, list]:
+    """A five-bar whose pin is 8 mm farther along a far link, seen by a tracker: its calibration, and its departures."""
+    xml = Path(FIVE_BAR).read_text()
+    nominal = gtpin.load_robot(FIVE_BAR)
+    anchor = next(name for name in gtpin.Geometry.nominal(nominal).names if name.startswith("anchor") and ".x" in name)
+    geometry, rng = gtpin.Geometry.nominal(nominal), np.random.default_rng(3)
+    off = LONG * np.array([name == anchor for name in geometry.names])
+    q = nominal.home_q + rng.uniform(-0.4, 0.4, (80, 2))
+    T = gtpin.Model(geometry.with_values(geometry.values + off)).predict(q).T + NOISE * rng.standard_normal((80, 3))
+    if robot == "own tolerance":
+        given = " ".join(f'{kind}="{size}"' for kind, size in tolerance.items())
+        xml, tolerance = xml.replace("</gtpin>", f"<tolerance {given}/></gtpin>"), {}
+    file = tmp_path / "five_bar.urdf"
+    file.write_text(xml)
+    section = InstrumentSection(frame="free", position_sigma=NOISE)
+    data = gtpin.Dataset(str(file), [str(i) for i in range(80)], q, T, instrument=section, tolerance=tolerance)
+    found = gtpin.calibrate(data)
+    gtpin.write_model(found.model, tmp_path / "model")
+    return found, [departures(model, q) for model in (found.model, gtpin.read_model(tmp_path / "model"))]
+
+
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+@pytest.mark.parametrize(
+    ("robot", "tolerance"),
+    [("own tolerance", {"placement_position": 8e-3}), ("", {"placement_position": 8e-3}), ("", {})],
+    ids=["in the URDF", "in the dataset", "widened by the calibration"],
+)
+def test_screen_and_json_have_the_values_of_the_table_wherever_tolerances_come_from(tmp_path, robot, tolerance) -> None:
+    found, both = with_a_longer_far_link(tmp_path, robot, tolerance)
+    assert any(p.widened > 1.0 for p in found.model.geometry.parameters) is (not tolerance)
+    table = {p["name"]: p for p in found.to_json()["parameters"]}
+    for some in both:  # as fitted, and as read from its folder
+        longest = max((one for one in some if one.name.startswith("anchor")), key=lambda one: one.position_rms)
+        assert abs(longest.value) > 0.3 * LONG
+        for one in (one for one in some if one.name in table):
+            own = table[one.name]
+            assert one.value == pytest.approx(own["value"] - own["nominal"], abs=1e-9)
+            assert one.sigma == pytest.approx(own["sigma"], rel=1e-6)
+
+
 def test_a_nominal_geometry_has_no_departures() -> None:
     model = gtpin.read_model("ur5")
     assert departures(model, model.robot.home_q[None]) == ()

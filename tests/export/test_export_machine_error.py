@@ -23,13 +23,14 @@ from gtpin.extras.controllers.machine_error import (
     Left,
     OpenDirections,
     changed_dimensions,
-    on_the_bed,
+    motions_of_no_error,
     open_directions,
     touches_one_plane,
 )
 from gtpin.extras.controllers.plane_tables import NODES, PARTS, PlaneTables
 from gtpin.extras.controllers.towers import DIMENSIONS, drives_of
 from gtpin.model.model import FittedInstrument
+from gtpin.model.place import without_place
 
 MACHINES = Path(__file__).parents[2] / "examples" / "machines"
 BOX = Box.of((-0.15, 0.15, -0.12, 0.12, 0.0, 0.2), (0.0, 0.0, 0.3))
@@ -129,10 +130,12 @@ def test_a_place_on_the_bed_is_no_error_where_the_data_do_not_show_it() -> None:
     xyz = BOX.fill(200)
     moved = np.column_stack([1e-3 - 2e-3 * xyz[:, 1], 2e-3 * xyz[:, 0], np.zeros(200)])
     larger = 3e-3 * (xyz - xyz.mean(axis=0)) * [1.0, 1.0, 0.0]
-    np.testing.assert_allclose(on_the_bed(moved, xyz), 0.0, atol=1e-15)
-    np.testing.assert_allclose(on_the_bed(moved + larger, xyz), on_the_bed(larger, xyz), atol=1e-15)
+    bed = FittedInstrument(PlaneTable(name="bed", kind="plane", planes={"A": UP}))
+    on_it = motions_of_no_error(replace(gtpin.read_model("linear_delta"), instruments=(bed,)))
+    np.testing.assert_allclose(without_place(moved, xyz, on_it), 0.0, atol=1e-15)
+    np.testing.assert_allclose(without_place(moved + larger, xyz, on_it), without_place(larger, xyz, on_it), atol=1e-15)
     up = np.column_stack([np.zeros((200, 2)), 1e-3 + 1e-3 * xyz[:, 0]])
-    np.testing.assert_allclose(on_the_bed(up, xyz), up, atol=1e-15)  # z and tilts are errors
+    np.testing.assert_allclose(without_place(up, xyz, on_it), up, atol=1e-15)  # z and tilts are errors
     doubt = OpenDirections(np.stack([larger, larger], axis=2), 0.0)
     text = Left(larger + moved, 0.0 * larger, doubt).size(xyz)
     assert "off by +0.00 % (1 sigma 0.42 %; before +0.30 %)" in text

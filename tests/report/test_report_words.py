@@ -216,3 +216,16 @@ def test_what_turns_has_periods_a_turn_and_what_slides_has_millimetres():
     assert parameter("period", 0.0125, "m") == ("period", "12.5\u00a0mm")
     assert quantity(2.7183, "kg", 0.004, alone=True) == "2.72\u00a0kg"
     assert quantity(2.7183, "kg", 0.6, alone=True) == "2.7\u00a0kg"
+
+
+def test_a_value_that_is_rounding_is_zero() -> None:
+    assert quantity(1.46e-33, "m") == "0\u00a0m"
+    assert quantity(-1e-20, "rad", 5e-4) == "0\u00a0±\u00a0500\u00a0µrad"
+    assert quantity(2e-13, "1/N") != quantity(0.0, "1/N")
+
+
+def test_a_coupling_is_told_by_the_drive_that_it_goes_with() -> None:
+    assert parameter("end_to_end[2]", -3e-4, "rad")[0] == "over the range of other drive 2"
+    assert parameter("end_to_end", -3e-4, "rad")[0] == "end to end"
+    said = size_words({"end_to_end[1]": Estimate(-3e-4, 1e-5, "rad")})
+    assert said == "over the range of other drive 1 −300\u00a0µrad"

@@ -81,12 +81,15 @@ def refuse(error: DatasetError, dataset: Dataset) -> None:
     warn(str(error))
 
 
-def far_from_declared(values: Floats, names: Sequence[str]) -> str:
-    """Names and values of the deviations, in prior sigmas, above `limits.FAR_FROM_PRIOR`, the farthest first; or nothing."""
+def far_from_declared(values: Floats, names: Sequence[str], unit: str) -> str:
+    """Names and values of the deviations, in prior sigmas, above `limits.FAR_FROM_PRIOR`, the farthest first; or nothing.
+
+    ``unit``: what a prior sigma is called.
+    """
     far = np.flatnonzero(np.abs(values) > limits.FAR_FROM_PRIOR)
     order = far[np.argsort(-np.abs(values[far]))]
     more = f" and {len(order) - limits.NAMED} more" if len(order) > limits.NAMED else ""
-    return ", ".join(f"{names[i]} ({values[i]:+.0f})" for i in order[: limits.NAMED]) + more
+    return ", ".join(f"{names[i]} ({values[i]:+.0f} {unit})" for i in order[: limits.NAMED]) + more
 
 
 def warn_of_far_parameters(settled: FitState, anywhere: Mask | bool = False) -> bool:
@@ -95,7 +98,7 @@ def warn_of_far_parameters(settled: FitState, anywhere: Mask | bool = False) -> 
     ``anywhere``: (p,) parameters that may have any value. Returns whether there was a warning.
     """
     fitted, far = settled.fit.point.model.geometry, np.where(anywhere, 0.0, settled.deviation)
-    if not far_from_declared(far, fitted.names):
+    if not far_from_declared(far, fitted.names, "tolerances"):
         return False
     zeros, values = zeros_off(settled), dict.fromkeys(fitted.names, 0.0)
     if zeros:  # what they do not explain
@@ -104,8 +107,13 @@ def warn_of_far_parameters(settled: FitState, anywhere: Mask | bool = False) -> 
         values |= {one.name: one.value / size[one.name] for one in rows if one.name in size}
         warn(f"off by more than the tolerances explain: {zeros}")
         far = np.where(anywhere, 0.0, list(values.values()))
-    if names := far_from_declared(far, fitted.names):
-        warn(f"parameters more than {limits.FAR_FROM_PRIOR:g} tolerances from nominal: {names}")
+    if names := far_from_declared(far, fitted.names, "tolerances"):
+        farthest = names.partition(" (")[0]
+        warn(
+            f"parameters more than {limits.FAR_FROM_PRIOR:g} tolerances from nominal: {names}; where a part can be so far off, "
+            f"let the data alone determine it (gtpin calibrate --free '{farthest}'), or write its tolerance under [tolerance] "
+            "in dataset.toml"
+        )
     return True
 
 

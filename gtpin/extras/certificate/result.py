@@ -11,6 +11,7 @@ from gtpin.diagnosis.result import Verdict
 from gtpin.extras.certificate.budget import Budget
 from gtpin.extras.certificate.quantity import Quantity
 from gtpin.model.model import Model
+from gtpin.model.place import free_motions
 from gtpin.noise.noise import Noise
 from gtpin.output.shown import Shown, present
 
@@ -86,7 +87,7 @@ class Certificate(Shown):
     @property
     def stands(self) -> Literal["measured", "fitted"]:
         """Where the machine stands: ``measured`` in the base frame, or ``fitted`` to the poses, which then do not show it."""
-        return "fitted" if self.model.stands_anywhere else "measured"
+        return "fitted" if free_motions(self.model).size else "measured"
 
     def __getitem__(self, name: str) -> Quantity:
         """One quantity by its symbol (``AP_p``), for an actuator with its site (``B[cart1]``). Raises `KeyError` if there is

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtpin.accuracy.expected import Undetermined, placed_best
+from gtpin.accuracy.expected import Undetermined
 from gtpin.compensation.machine import CompensatedMachine, machine_at
 from gtpin.data.instrument_tables import PlaneTable
 from gtpin.effects.operating_points import OperatingPoints
@@ -16,8 +16,8 @@ from gtpin.export.box import Box
 from gtpin.export.loss import both_approaches, postures, um
 from gtpin.extras.certificate.held_against import ModelPosterior, at_commands, by_unknowns, prior_sizes
 from gtpin.extras.controllers.towers import DIMENSIONS, Drives, TowerFit, Towers
-from gtpin.kinematics.rotations import frame_motions
 from gtpin.model.model import Model
+from gtpin.model.place import free_motions, without_place
 from gtpin.typing import Floats, Mask
 
 DRAWS = 2000
@@ -75,29 +75,22 @@ def touches_one_plane(model: Model) -> bool:
     return len(planes) == len(tables) and sum(planes) == 1
 
 
-def on_the_bed(errors: Floats, xyz: Floats) -> Floats:
-    """Errors (N, 3, ...) at points xyz (N, 3), m, without what the best shift along x and y and turn about z explain."""
-    F = frame_motions(xyz - xyz.mean(axis=0))[:, :3, [0, 1, 5]].reshape(-1, 3)
-    flat = errors.reshape(len(F), -1)
-    return np.asarray((flat - F @ np.linalg.lstsq(F, flat, rcond=None)[0]).reshape(errors.shape))
+def motions_of_no_error(model: Model) -> Floats:
+    """(6, k) motions of the machine that are no error: those that no instrument shows, or where touches of one plane are all
+    that was measured, the place of a print on its bed (shifts along x and y, and turns about z)."""
+    return np.eye(6)[:, [0, 1, 5]] if touches_one_plane(model) else free_motions(model)
 
 
-def open_directions(
-    machine: CompensatedMachine, whole: Model, q: Floats, *, standing: bool = False
-) -> OpenDirections | None:
-    """What the data leave open at commands q (N, n); None where the uncertainty of the geometry is not known.
-
-    ``whole``: the model with its instrument. Where the instrument was free, the place of the machine is no error.
-    ``standing``: neither is the place of a print on its bed.
+def open_directions(machine: CompensatedMachine, whole: Model, q: Floats) -> OpenDirections | None:
+    """What the data leave open at commands q (N, n), without :func:`motions_of_no_error`; None where the uncertainty of the
+    geometry is not known. ``whole``: the model with its instruments.
     """
     if machine.model.covariance is None:
         return None
     at, unexplained = _at(machine, q), whole.unexplained
-    moved = by_unknowns(machine.model, at) @ ModelPosterior(machine.model).root
-    parts = None if standing else Undetermined.of(whole, moved, at.poses)
-    if whole.stands_anywhere:
-        moved = placed_best(moved, at.poses)
-    moved = on_the_bed(moved[:, :3], at.poses.T) if standing else moved[:, :3]
+    moved = (by_unknowns(machine.model, at) @ ModelPosterior(machine.model).root)[:, :3]
+    parts = None if touches_one_plane(whole) else Undetermined.of(whole, moved, at.poses)
+    moved = without_place(moved, at.poses.T, motions_of_no_error(whole))
     left = unexplained.position if unexplained is not None and unexplained.noise_known else 0.0
     return OpenDirections(moved, left, parts)
 
@@ -117,6 +110,7 @@ def left_of_drives(model: Model, carried: Collection[str], session: str | None) 
     if doubt is None:
         return ()
     after = replace(machine, model=machine.model.without(carried)).goes_to(q, both_approaches(len(q))) - poses.T
+    after = without_place(after, poses.T, motions_of_no_error(model))
     where = "the range of the fit, with the calibrated kinematics in the controller"
     return (f"leaves {machine_words(doubt, after, None, where)}",)
 

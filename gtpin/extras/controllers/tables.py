@@ -22,7 +22,7 @@ from gtpin.extras.controllers.machine_error import (
     changed_dimensions,
     check_any,
     determined,
-    on_the_bed,
+    motions_of_no_error,
     open_directions,
     touches_one_plane,
 )
@@ -33,6 +33,7 @@ from gtpin.extras.importers.klipper import TOWERS, tower_dimensions
 from gtpin.extras.importers.klipper_config import needed, read_config
 from gtpin.extras.importers.rrf import read_rrf_delta
 from gtpin.model.model import Model
+from gtpin.model.place import without_place
 from gtpin.typing import Floats, Mask
 
 POINTS = 512
@@ -119,7 +120,7 @@ def printer_correction(
     ``believed``: the firmware's kinematics. ``drives``: those of a delta whose dimensions may change; None: they stay.
     ``undetermined``: whether settings change that the data do not determine.
     """
-    plain, first = controller_of(believed, box.origin), machines[0]
+    plain, first, free = controller_of(believed, box.origin), machines[0], motions_of_no_error(model)
     shown, standing = _shown(first, plain, drives, box), touches_one_plane(model)
     if standing:
         shown[[D + PARTS.index("offset x"), D + PARTS.index("offset y")]] = False
@@ -139,10 +140,8 @@ def printer_correction(
         points, approach = box.fill(POINTS), both_approaches(POINTS)
         before = there(part, plain, box, points, approach) - points
         after = there(part, controller, box, table.applied(points), approach) - points
-        if standing:
-            before, after = on_the_bed(before, points), on_the_bed(after, points)
-        q = plain(points)
-        doubt = None if whole is None else open_directions(part, whole, q, standing=standing)
+        before, after = (without_place(errors, points + box.origin, free) for errors in (before, after))
+        doubt = None if whole is None else open_directions(part, whole, plain(points))
         return Left(before, after, doubt, standing)
 
     def left_alone(part: CompensatedMachine) -> Left:
@@ -214,7 +213,7 @@ def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None =
     last = replace(machine, temperatures=table.temperatures[-1])
 
     def left(part: CompensatedMachine) -> Left:
-        return _left_of_grid(part, believed, grid_table(part, believed, wanted.temperatures))
+        return _left_of_grid(part, believed, grid_table(part, believed, wanted.temperatures), model)
 
     remains = _left_of_grid(last, believed, table, model)
     check_any([remains])
@@ -227,7 +226,7 @@ def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None =
     return Export({file.name: text}, (*unknown, *absent), tuple(notes))
 
 
-def _left_of_grid(machine: CompensatedMachine, controller: Model, table: GridTable, whole: Model | None = None) -> Left:
+def _left_of_grid(machine: CompensatedMachine, controller: Model, table: GridTable, whole: Model) -> Left:
     """Errors at commands of Halton's sequence, in cells of the table without NaN, at its last temperature step."""
     low, high = (np.array([nodes[k] for nodes in table.nodes]) for k in (0, -1))
     q = spread(low, high, POINTS)
@@ -240,5 +239,6 @@ def _left_of_grid(machine: CompensatedMachine, controller: Model, table: GridTab
     kept = np.isfinite(before).all(axis=1) & np.isfinite(after).all(axis=1)
     if not kept.any():
         raise ModelError("the robot can't be anywhere between the nodes of the table", hint="check its limits")
-    doubt = None if whole is None else open_directions(at, whole, q[inside][kept])
-    return Left(before[kept], after[kept], doubt)
+    free, T = motions_of_no_error(whole), wanted.T[inside][kept]
+    before, after = (without_place(errors[kept], T, free) for errors in (before, after))
+    return Left(before, after, open_directions(at, whole, q[inside][kept]))

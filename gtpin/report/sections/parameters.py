@@ -29,7 +29,7 @@ def parameters(r: FitPresentation) -> Section:
     if found:
         words = (
             "The departures from nominal, and the displacement of the TCP by each, root mean square over the measured poses. "
-            "Where the pose of the instrument is unknown, the rigid motion that it absorbs is subtracted."
+            "Motions of the whole machine that no instrument shows are subtracted."
         )
         content = [words, Fold(f"All {len(found)} departures", [all_departures(found)])]
     # What is not explained moves the parameters by more than their sigmas.
