@@ -54,8 +54,14 @@ class Readings:
 
         Raises `DatasetError` for impossible readings.
         """
-        found = Readings(dataset.q, dataset.readings, robot, np.zeros(0))
-        return replace(found, u=np.zeros(len(found.unknowns)) if u is None else u)
+        found = Readings.of_rows(dataset.q, dataset.readings, robot)
+        return found if u is None else replace(found, u=u)
+
+    @staticmethod
+    def of_rows(q: Floats, rows: InstrumentRows, robot: Chain) -> Readings:
+        """The readings of some rows at commands q (N, n), with the unknowns as they are declared."""
+        found = Readings(q, rows, robot, np.zeros(0))
+        return replace(found, u=np.zeros(len(found.unknowns)))
 
     @staticmethod
     def of_poses(q: Floats, T: Floats, R: Floats | None, robot: Chain) -> Readings:

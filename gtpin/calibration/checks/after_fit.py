@@ -33,11 +33,12 @@ from gtpin.calibration.checks.suspected import far_from_declared, refuse, suspec
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.observability import UNSEEN
-from gtpin.calibration.problem import Measured, Point, Problem, rough_frame
+from gtpin.calibration.problem import Measured, Point, Problem, rough_frame, with_unknowns
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data import Dataset
 from gtpin.data.duplicates import command_steps
 from gtpin.data.files import warn_of
+from gtpin.data.instrument_tables import TrackerTable
 from gtpin.data.names import ORIENTATION
 from gtpin.data.plausible import named_poses
 from gtpin.distributions import chi2
@@ -55,12 +56,12 @@ def settled_fit(given: Dataset, kept: Dataset, fit: RobustFit, *, tracked: bool,
     """Run the robust fit of the rows that are ``kept`` of a dataset, with its checks.
 
     ``tracked``: whether one tracker measured poses. ``doubt``: whether the declared noise, frame and tolerances are checked
-    too; those of readings always are.
+    too; the noise of readings always is.
 
     Raises `DatasetError` if the data can't be this robot's, or the fit does not describe them. `ConvergenceError` if it
     does not converge for another reason. Warns: names the poses that are rejected, and what was assumed wrongly.
     """
-    return _settled_poses(kept, fit, doubt=doubt) if tracked else _settled_readings(given, kept, fit)
+    return _settled_poses(kept, fit, doubt=doubt) if tracked else _settled_readings(given, kept, fit, doubt=doubt)
 
 
 def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
@@ -156,8 +157,7 @@ def _without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
         return settled
     assert found is not None
     if found.what == "frame":
-        start = replace(fit.whole.start, frame=rough_frame(fit.near, fit.whole.poses))
-        freed = replace(fit, whole=replace(fit.whole, start=start, free_frame=True))
+        freed = _with_free_frame(fit)
         warn(
             f"the instrument's frame looks {found.size * 1e3:.2g} mm and {found.turn * 1e3:.2g} mrad off the robot's: it is "
             'fitted as free; write frame = "free"'
@@ -173,6 +173,17 @@ def _without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
         deviation = f"its parameters are off by {found.size:g} times their tolerances"
     warn(f"the nominal model is not this machine: {deviation}; tolerances are widened to admit it")
     return relaxed
+
+
+def _with_free_frame(fit: RobustFit) -> RobustFit:
+    """The fit with a free frame for every tracker that was assumed to measure in the robot's."""
+    whole, rows = fit.whole, fit.whole.measured.rows
+    if whole.measured.tracked:
+        start = replace(whole.start, frame=rough_frame(fit.near, whole.poses))
+        return replace(fit, whole=replace(whole, start=start, free_frame=True))
+    tables = tuple(t.model_copy(update={"frame": "free"}) if isinstance(t, TrackerTable) else t for t in rows.tables)
+    readings = Readings.of_rows(whole.measured.q, replace(rows, tables=tables), whole.measured.robot)
+    return replace(fit, whole=replace(whole, measured=with_unknowns(readings.at(readings.start(fit.near)), fit.near)))
 
 
 def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
@@ -237,7 +248,7 @@ def _coarse_commands(model: Model, measured: Measured, poses: Poses) -> str | No
     return f"all commands are multiples of {steps.words}, and poses are off by {size:.2g} mm, as such a step makes them"
 
 
-def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit) -> FitState:
+def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
     """As :func:`settled_fit`, for readings of any instruments."""
     readings, near, reach = fit.whole.measured, fit.near, reach_of(fit.whole.start.geometry)
 
@@ -251,7 +262,7 @@ def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit) -> FitState
 
     check_readable(given, readings, near, reach, misfit)
     with explained(readings, near):
-        settled = with_credible_noise(fit, settled_or_explained(fit))[1]
+        credible, settled = with_credible_noise(fit, settled_or_explained(fit))
     fitted = settled.fit.problem.readings(settled.fit.point.x)
     left, heights = (
         fitted.residual_at(settled.fit.point.poses)[:, 0],
@@ -270,7 +281,7 @@ def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit) -> FitState
         warn(f"{scale}: the geometry does not explain these data, or the declared sigma is too small")
     check_moved(given, settled.fit.point.model.geometry, fit.whole.start.geometry, near, fit.found)
     _warn_of_deviations(settled, fitted)
-    return settled
+    return _without_prior_conflict(credible, settled) if doubt else settled
 
 
 def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:

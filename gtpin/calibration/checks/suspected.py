@@ -15,7 +15,7 @@ from gtpin.calibration.checks import limits
 from gtpin.calibration.fit_state import FitState
 from gtpin.data import Dataset
 from gtpin.errors import ConvergenceError, DatasetError, warn
-from gtpin.model.departures import with_zeros
+from gtpin.model.departures import ParameterOrZero, with_zeros
 from gtpin.typing import Floats, Mask
 
 Size = tuple[float, float]
@@ -112,13 +112,17 @@ def warn_of_far_parameters(settled: FitState, anywhere: Mask | bool = False) -> 
 def zeros_off(settled: FitState) -> str:
     """The zeros of joints that are off by more than the tolerances explain, in words; empty where there is none."""
     found = []
-    for one in with_zeros(settled.fit.point.model.geometry, _covariance(settled)):
-        if one.beyond:
-            factor, unit = (180.0 / np.pi, "deg") if one.unit == "rad" else (1e3, "mm")
-            digits = max(0, 1 - int(np.floor(np.log10(factor * one.sigma))))
-            size = f"{factor * one.value:+.{digits}f} +- {factor * one.sigma:.{digits}f} {unit}"
-            found.append(f"zero of {one.name.removeprefix('zero[')[:-1]} {size}")
+    for one in zeros_beyond(settled):
+        factor, unit = (180.0 / np.pi, "deg") if one.unit == "rad" else (1e3, "mm")
+        digits = max(0, 1 - int(np.floor(np.log10(factor * one.sigma))))
+        size = f"{factor * one.value:+.{digits}f} +- {factor * one.sigma:.{digits}f} {unit}"
+        found.append(f"zero of {one.name.removeprefix('zero[')[:-1]} {size}")
     return ", ".join(found)
+
+
+def zeros_beyond(settled: FitState) -> list[ParameterOrZero]:
+    """The zeros of joints that are off by more than the tolerances explain."""
+    return [one for one in with_zeros(settled.fit.point.model.geometry, _covariance(settled)) if one.beyond]
 
 
 def _covariance(settled: FitState) -> Floats:
