@@ -92,6 +92,13 @@ def overruled(c: Calibration) -> list[float | None]:
     return found
 
 
+def visits_over_declared(c: Calibration) -> float:
+    """The largest ratio of the noise that repeated visits show to a declared sigma that they contradict; else 1."""
+    if c.noise.source != "repeats":
+        return 1.0
+    return max([1.0, *(float(s) / own for s, own in zip(c.noise.sigma, overruled(c), strict=True) if own)])
+
+
 def noise_words(c: Calibration) -> list[str]:
     """The sigma of each kind of numbers, in words, and where it comes from."""
     sigmas = zip(_measured_by(c), c.noise.sigma, c.sigmas, c.noise.estimated, overruled(c), strict=True)

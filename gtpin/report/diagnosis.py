@@ -148,20 +148,20 @@ def write_findings(
 
 
 def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
-    numbers, size, unexplained = list[tuple[str, str]](), gap_words(d.gap), d.baseline.model.unexplained
+    numbers, size = list[tuple[str, str]](), gap_words(d.gap)
     if len(d.gap.by_instrument) > 1:
         for one in d.gap.by_instrument:
             before, after, floor = (quantity(value, one.unit) for value in (one.before, one.after, one.floor))
             words = f"{one.name}, gap of the calibrated geometry{', and with the causes' if d.causes else ''}"
             numbers.append((f"{before} → {after}" if d.causes else before, f"{words}; noise alone {floor}"))
     else:
-        known = unexplained is None or unexplained.noise_known
+        noise = "noise alone, by repeated visits" if d.noise_ratio > 1.0 else "noise alone"
         where = "sessions" if d.gap.hold_out == "session" else "poses"
         numbers += [
             (nominal_words(d.baseline), f"nominal geometry: {size.what}, RMS"),
             (size.before, f"calibrated geometry, at left-out {where}"),
             *([(size.after, "with the causes")] if d.causes else []),
-            (size.floor, "noise alone" if known else UNKNOWN),
+            (size.floor, noise if d.noise_source != "residuals" else UNKNOWN),
         ]
     if d.gap.explained_fraction is not None and d.gap.before > d.gap.floor:
         between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""
