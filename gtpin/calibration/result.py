@@ -42,7 +42,8 @@ class InstrumentFit:
       for its orientations.
     - ``readings``: number of used rows of its table.
     - ``before``, ``after``: root mean square error of its readings, in ``unit``. ``before``: of the nominal robot with the
-      best values of the instrument's unknowns. ``after``: of the calibrated robot. For positions and orientations: of the
+      values of the instrument's unknowns, and of its frame where that is free, that make these errors smallest (of a lone
+      tracker: the errors of positions). ``after``: of the calibrated robot. For positions and orientations: of the
       length of the error vector.
     - ``floor``: the root mean square error that noise alone would leave, in ``unit``.
     - ``unit``: ``m`` or ``rad``.

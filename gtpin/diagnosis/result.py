@@ -644,7 +644,7 @@ class Diagnosis(Findings, Shown):
     noise_source
         Where the noise floor comes from: ``declared``, ``repeats`` (repeated visits), or ``residuals``: an assumption.
     noise_ratio
-        The largest ratio of the noise that repeated visits show to a declared sigma that they contradict; 1 where there is none.
+        The largest ratio of the noise that repeated visits show to a declared sigma that they contradict; 1: there is none.
     unexplained
         What the causes do not explain.
     baseline

@@ -23,7 +23,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions, to_quaternions
 from gtpin.model.model import FittedInstrument, Model, in_frame
 from gtpin.robot.chain import Chain
-from gtpin.typing import Floats, Indices
+from gtpin.typing import Floats, Indices, Mask
 
 VAGUE = 1.0
 """Sigma, m and rad, that is used for an unknown without a prior: so wide that the prior has no influence. Assumed."""
@@ -187,6 +187,15 @@ class Readings:
     def initial_sigma(self) -> Floats:
         """(G,) declared sigmas, m or rad; where none is declared, the one at which its estimation starts."""
         return np.array([sigma or component.initial_sigma for _, component, sigma in self._groups])
+
+    @cached_property
+    def shown(self) -> Mask:
+        """(N, c) whether the error of each number is reported."""
+
+        def own(_: int, one: Instrument) -> Mask:
+            return np.broadcast_to([c.shown for c in one.components], (one.read.count, len(one.components)))
+
+        return self._each(own)
 
     @cached_property
     def row_sigma(self) -> Floats:

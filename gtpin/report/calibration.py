@@ -14,7 +14,15 @@ from gtpin.calibration.result import Calibration
 from gtpin.model.departures import departures
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
-from gtpin.report.calibration_text import cannot_judge, elsewhere, lost, scatters, unseen_words, visits_over_declared
+from gtpin.report.calibration_text import (
+    best_frame,
+    cannot_judge,
+    elsewhere,
+    lost,
+    scatters,
+    unseen_words,
+    visits_over_declared,
+)
 from gtpin.report.geometry import geometry_line, geometry_table
 from gtpin.report.page import Lead, Table, provenance
 from gtpin.report.sections import FitPresentation
@@ -137,7 +145,7 @@ def _numbers(c: Calibration) -> list[tuple[str, str]]:
     numbers = []
     noise = "noise alone, by repeated visits" if visits_over_declared(c) > 1.0 else "noise alone"
     for one in c.by_instrument:
-        numbers.append((quantity(one.before, one.unit), f"nominal geometry: {one.what}, RMS"))
+        numbers.append((quantity(one.before, one.unit), f"nominal geometry{best_frame(c)}: {one.what}, RMS"))
         numbers.append((quantity(one.left_out, one.unit), "calibrated geometry, at left-out poses"))
         numbers.append((quantity(one.floor, one.unit), noise if c.noise_known else UNKNOWN))
     meaning = ", which can't judge the fit here" if cannot_judge(c) else f", 1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"

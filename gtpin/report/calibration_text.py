@@ -61,6 +61,11 @@ def lost(c: Calibration) -> list[InstrumentFit]:
     return [one for one in c.by_instrument if one.left_out > max(one.before, PRIORS.silent * one.floor)]
 
 
+def best_frame(c: Calibration) -> str:
+    """That the error of the nominal geometry is after a fit of the instrument's frame, where that is free; or nothing."""
+    return " after the best fit of the frame" if c.model.stands_anywhere else ""
+
+
 def nominal_words(c: Calibration) -> str:
     """Errors of the nominal geometry, RMS, in words."""
     named = sum(bool(one.name) for one in c.by_instrument) > 1

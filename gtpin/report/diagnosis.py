@@ -13,7 +13,7 @@ from gtpin.model.model import Model
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
 from gtpin.report.calibration import UNKNOWN
-from gtpin.report.calibration_text import nominal_words
+from gtpin.report.calibration_text import best_frame, nominal_words
 from gtpin.report.diagnosis_json import diagnosis_json
 from gtpin.report.effect_curves import curve_drawing, drawn_curves
 from gtpin.report.figure import alone
@@ -158,7 +158,7 @@ def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
         noise = "noise alone, by repeated visits" if d.noise_ratio > 1.0 else "noise alone"
         where = "sessions" if d.gap.hold_out == "session" else "poses"
         numbers += [
-            (nominal_words(d.baseline), f"nominal geometry: {size.what}, RMS"),
+            (nominal_words(d.baseline), f"nominal geometry{best_frame(d.baseline)}: {size.what}, RMS"),
             (size.before, f"calibrated geometry, at left-out {where}"),
             *([(size.after, "with the causes")] if d.causes else []),
             (size.floor, noise if d.noise_source != "residuals" else UNKNOWN),
