@@ -348,6 +348,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tra
         unknowns=readings.unknowns,
         u=readings.u,
         u_covariance=final.covariance[p : p + k, p : p + k] * np.outer(problem.unit, problem.unit),
+        doubt=settled.doubt,
         remedies=remedies(settled.fit, unseen, up_of(geometry.robot)),
     )
 

@@ -15,6 +15,7 @@ from gtpin.model.departures import departures
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
 from gtpin.report.calibration_text import (
+    IN_DOUBT,
     best_frame,
     cannot_judge,
     elsewhere,
@@ -56,7 +57,7 @@ class CalibrationPresentation(FitPresentation):
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, and what to do."""
         c, q = self.calibration, self.dataset.q
-        found = departures(c.model, q)
+        found = () if c.doubt else departures(c.model, q)
         tone, badge, headline, advice = _verdict(c)
         return Lead(
             f"{self.title} · {len(c.names)} parameters from {c.poses} measurements",
@@ -108,6 +109,8 @@ class CalibrationPresentation(FitPresentation):
 
 def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
     """Tone, badge, headline and advice."""
+    if c.doubt:
+        return "warn", "geometry in doubt", IN_DOUBT, [f"{c.doubt[:1].upper()}{c.doubt[1:]}."]
     if c.worse:
         return "bad", "worse than nominal", f"{c.worse[0].upper()}{c.worse[1:]}.", []
     if not c.explained:

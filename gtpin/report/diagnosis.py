@@ -13,7 +13,7 @@ from gtpin.model.model import Model
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
 from gtpin.report.calibration import UNKNOWN
-from gtpin.report.calibration_text import best_frame, nominal_words
+from gtpin.report.calibration_text import IN_DOUBT, best_frame, nominal_words
 from gtpin.report.diagnosis_json import diagnosis_json
 from gtpin.report.effect_curves import curve_drawing, drawn_curves
 from gtpin.report.figure import alone
@@ -62,13 +62,15 @@ class DiagnosisPresentation(FitPresentation):
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, the causes, and what to do."""
         d = self.diagnosis
-        said, found = verdict(d), departures_of(d)
+        doubt = d.baseline.doubt
+        said, found = verdict(d), () if doubt else departures_of(d)
         # Without a gap, a free motion of a part explains nothing.
         shares = () if d.verdict == "none" else (d.where.site, [c.site for c in d.causes])
         head = ("cause", "probability", "parameters", "part of the gap")
         return replace(
             said,
-            headline="\n".join(filter(None, (geometry_line(found), said.headline))),
+            headline="\n".join(filter(None, (IN_DOUBT if doubt else geometry_line(found), said.headline))),
+            advice=[*([f"{doubt[:1].upper()}{doubt[1:]}."] if doubt else []), *said.advice],
             numbers=_numbers(d),
             sketch=drawing(d.model, d.dataset.q.mean(axis=0), *shares),
             caption=f"{SHADES}{' Blue: the sites of the causes.' if d.causes else ''}" if shares else "",

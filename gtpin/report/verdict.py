@@ -102,8 +102,8 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
         ], []
     hidden = may_hide(d)
     if d.noise_ratio > PRIORS.understated:
-        size = f"{d.noise_ratio:.2g} times the declared noise"
-        headline = f"No cause is detected: what is left is scatter between visits, {size}."
+        often = f"{d.noise_ratio:.2g} times the declared noise"
+        headline = f"No cause is detected: what is left is scatter between visits, {often}."
         wrong = "The declared sigma is wrong, or something changes between the visits: a loose part, or the instrument."
         return [headline], [wrong, *hidden]
     if hidden or scattered(d):

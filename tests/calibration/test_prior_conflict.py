@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 from scipy.spatial.transform import Rotation
 from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, Gantry, Machine, commands, draw, measured
 from virtual_instruments import Seen, read
 
 import gtpin
+from gtpin.output.shown import present
 
 TARGET = (0.02, -0.03, 0.06)
 """Where the reflector sits, TCP frame, m."""
@@ -25,9 +29,17 @@ def by_schema_1(machine: Machine, rng: np.random.Generator, _: Path) -> gtpin.Da
     return measured(machine, commands(rng, 110), rng)
 
 
-def by_schema_2(machine: Machine, rng: np.random.Generator, folder: Path, **said: object) -> gtpin.Dataset:
-    """Poses of a reflector off the TCP, whose place is declared."""
-    q = commands(rng, 110)
+def turning(rng: np.random.Generator) -> np.ndarray:
+    """Commands at which the platform turns by tenths of a radian, so that they tell a target off the TCP from a moved frame."""
+    q = rng.uniform(-0.55, 0.6, (600, 3))
+    return q[np.ptp(q, axis=1) < 0.7][:150]
+
+
+def by_schema_2(
+    machine: Machine, rng: np.random.Generator, folder: Path, q: np.ndarray | None = None, **said: object
+) -> gtpin.Dataset:
+    """Poses of a reflector off the TCP, whose place is declared, unless ``said`` otherwise."""
+    q = commands(rng, 110) if q is None else q
     T, turn = machine.seen(q)
     T = T + turn.apply(TARGET) + POSITION_SIGMA * rng.standard_normal(T.shape)
     turn = Rotation.from_rotvec(ORIENTATION_SIGMA * rng.standard_normal(T.shape)) * turn
@@ -39,7 +51,7 @@ def by_schema_2(machine: Machine, rng: np.random.Generator, folder: Path, **said
         "orientation_sigma": ORIENTATION_SIGMA,
         "frame": "robot" if machine.view is None else "free",
     }
-    return read(folder, Seen(section | said, q, columns))
+    return read(folder, Seen(section, q, columns).saying(**said))
 
 
 def off(rng: np.random.Generator, more: dict[str, float], *, free: bool) -> Machine:
@@ -63,6 +75,7 @@ def test_a_rod_twelve_millimetres_too_long_is_geometry_alone(measure: Measure, s
     found = gtpin.diagnose(measure(machine, rng, tmp_path))
     assert found.verdict == "none"
     assert any("tolerances are widened" in text for text in found.warnings)
+    assert found.baseline.doubt == ""
     assert abs(error(found.baseline, machine, "length[2b]")) < 4.0
 
 
@@ -74,6 +87,7 @@ def test_a_zero_that_is_off_is_admitted_in_all_joints_of_its_cart(measure: Measu
     machine = off(rng, zero, free=False)
     found = gtpin.calibrate(measure(machine, rng, tmp_path))
     assert any("zero of cart3" in text and "widened" in text for text in found.warnings)
+    assert found.doubt == ""
     assert max(abs(error(found, machine, name)) for name in zero) < 4.0
 
 
@@ -87,3 +101,53 @@ def test_a_tracker_that_stands_elsewhere_than_declared_is_fitted_as_free_in_sche
     assert found.by_instrument[0].after < 1.1 * found.by_instrument[0].floor
     errors = [error(found, machine, name) for name in machine.deviations]
     assert np.abs(errors).max() < 4.5
+
+
+def in_schema_1(folder: Path, target: tuple[float, ...] | None) -> gtpin.Dataset:
+    """The same readings as the poses of a dataset of schema 1, with or without the place of the reflector."""
+    toml = tomllib.loads((folder / "dataset.toml").read_text())
+    section = {key: value for key, value in toml["instrument"][0].items() if key not in ("name", "kind", "target")}
+    section |= {} if target is None else {"target": list(target)}
+    (folder / "dataset.toml").write_text(tomli_w.dumps(toml | {"schema": "gtpin-dataset/1", "instrument": section}))
+    (folder / "tracker.csv").rename(folder / "poses.csv")
+    return gtpin.Dataset.read(folder)
+
+
+@pytest.mark.parametrize("schema", [1, 2])
+@pytest.mark.parametrize(("free", "more"), [(False, {}), (True, {"length[2b]": 0.012}), (False, {"length[2b]": 0.012})])
+@pytest.mark.parametrize("seed", [11, pytest.param(12, marks=pytest.mark.slow)])
+def test_a_reflector_off_the_tcp_that_nobody_declared_is_said_first(
+    schema: int, free: bool, more: dict[str, float], seed: int, tmp_path: Path
+):
+    rng = np.random.default_rng(seed)
+    data = by_schema_2(off(rng, more, free=free), rng, tmp_path, turning(rng), target=None)
+    found = gtpin.calibrate(data if schema == 2 else in_schema_1(tmp_path, None))
+    told = re.search(r"write target = \[(.*?)\] under", found.warnings[0])
+    assert told is not None
+    assert np.abs(np.array(told[1].split(","), dtype=float) - TARGET).max() < 5e-3
+    first = present(found).lead
+    assert (first.badge, first.tone) == ("geometry in doubt", "warn")
+    assert first.content == []
+    assert not any("zero of" in text or "tolerances from nominal" in text for text in found.warnings)
+
+
+def test_a_diagnosis_of_an_undeclared_reflector_lists_no_parameters_as_found(tmp_path: Path):
+    rng = np.random.default_rng(13)
+    by_schema_2(off(rng, {}, free=False), rng, tmp_path, turning(rng))
+    found = gtpin.diagnose(in_schema_1(tmp_path, None))
+    assert "write target" in found.warnings[0]
+    first = present(found).lead
+    assert first.headline.startswith("The geometry is in doubt")
+    assert "write target" in first.advice[0]
+    assert not any("change from nominal" in table.head for table in first.content)
+
+
+def test_schema_1_takes_the_place_of_the_reflector(tmp_path: Path):
+    rng = np.random.default_rng(14)
+    machine = off(rng, {}, free=True)
+    second = gtpin.calibrate(by_schema_2(machine, rng, tmp_path))
+    first = gtpin.calibrate(in_schema_1(tmp_path, TARGET))
+    assert first.values == pytest.approx(second.values, abs=1e-12)
+    assert first.warnings == second.warnings
+    first.dataset.write(tmp_path / "again")
+    assert gtpin.calibrate(gtpin.Dataset.read(tmp_path / "again")).values == pytest.approx(second.values, abs=1e-12)

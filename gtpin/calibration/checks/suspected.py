@@ -89,14 +89,14 @@ def far_from_declared(values: Floats, names: Sequence[str]) -> str:
     return ", ".join(f"{names[i]} ({values[i]:+.0f})" for i in order[: limits.NAMED]) + more
 
 
-def warn_of_far_parameters(settled: FitState, anywhere: Mask | bool = False) -> bool:
+def warn_of_far_parameters(settled: FitState, anywhere: Mask | bool = False) -> None:
     """Warn of the geometry's parameters that are far from nominal; of joints whose zero explains it, by the zero.
 
-    ``anywhere``: (p,) parameters that may have any value. Returns whether there was a warning.
+    ``anywhere``: (p,) parameters that may have any value.
     """
     fitted, far = settled.fit.point.model.geometry, np.where(anywhere, 0.0, settled.deviation)
     if not far_from_declared(far, fitted.names):
-        return False
+        return
     zeros, values = zeros_off(settled), dict.fromkeys(fitted.names, 0.0)
     if zeros:  # what they do not explain
         size = dict(zip(fitted.names, settled.geometry.tolerance, strict=True))
@@ -106,7 +106,6 @@ def warn_of_far_parameters(settled: FitState, anywhere: Mask | bool = False) -> 
         far = np.where(anywhere, 0.0, list(values.values()))
     if names := far_from_declared(far, fitted.names):
         warn(f"parameters more than {limits.FAR_FROM_PRIOR:g} tolerances from nominal: {names}")
-    return True
 
 
 def zeros_off(settled: FitState) -> str:
