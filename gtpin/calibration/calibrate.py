@@ -17,7 +17,7 @@ from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.kept_effects import with_kept_effects
 from gtpin.calibration.left_out import left_out
 from gtpin.calibration.observability import UNSEEN, remedies
-from gtpin.calibration.problem import Problem
+from gtpin.calibration.problem import Problem, nominal_residual
 from gtpin.calibration.result import Calibration, InstrumentFit, Iteration
 from gtpin.calibration.robust_fit import EXPECTED, Progress, RobustFit
 from gtpin.calibration.thinning import thinned
@@ -306,7 +306,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tra
     aside = np.ones(len(whole), dtype=bool)
     aside[np.flatnonzero(usable)[settled.used]] = False
     covariance = final.covariance[:p, :p] * np.outer(geometry.tolerance, geometry.tolerance)
-    before = settled.fit.problem.measured.residual(settled.fit.problem.start, near[settled.used])
+    before = nominal_residual(settled.fit.problem, near[settled.used])
     residual = problem.raw_residual(point, point.poses)
     variance, known = _variances(final, noise), noise.source != "residuals"
     unexplained = unexplained_by(settled.fit, residual, variance, known=known, dof=noise.dof)
@@ -348,6 +348,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tra
         unknowns=readings.unknowns,
         u=readings.u,
         u_covariance=final.covariance[p : p + k, p : p + k] * np.outer(problem.unit, problem.unit),
+        doubt=settled.doubt,
         remedies=remedies(settled.fit, unseen, up_of(geometry.robot)),
     )
 

@@ -100,6 +100,7 @@ class FitState:
     - ``steps``: number of steps of all fits.
     - ``geometry``: the nominal geometry with the tolerances that were given; those of the fit are wider where the data
       demanded it.
+    - ``doubt``: what else the data fit with a geometry much nearer to nominal, in words; empty where nothing is known.
     - ``noise_scale``: factor by which the noise was multiplied in the last fit. It is larger than 1 where the fit would
       otherwise not converge.
     """
@@ -111,6 +112,7 @@ class FitState:
     steps: int
     geometry: Geometry
     noise_scale: float = 1.0
+    doubt: str = ""
 
     @property
     def chi2(self) -> float:
@@ -212,6 +214,15 @@ class FitState:
         """(p,) deviations of the fitted geometry from nominal, in units of the tolerances that were given."""
         fitted = self.fit.problem.start.geometry
         return np.asarray(self.fit.point.x[: len(fitted.parameters)] * fitted.tolerance / self.geometry.tolerance)
+
+    @property
+    def log_evidence(self) -> float:
+        """Logarithm of the marginal likelihood, but for a constant (Laplace approximation about the fit)."""
+        problem = self.fit.problem
+        x = np.where(problem.prior == 1.0, self.fit.point.x[: problem.size], 0.0)
+        power = self.fit.weight @ (self.fit.residual**2).sum(axis=1) + x @ x
+        noise = float(np.log(self.noise.take(self.used).each).sum())
+        return 0.5 * float(np.linalg.slogdet(self.fit.covariance)[1]) - 0.5 * float(power) - noise
 
     @property
     def widened(self) -> float:

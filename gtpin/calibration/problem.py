@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
-from gtpin.instruments.frame_and_target import alignment
+from gtpin.instruments.frame_and_target import aligned, alignment
 from gtpin.instruments.readings import VAGUE, Readings
 from gtpin.kinematics.poses import Poses, chunks
 from gtpin.kinematics.rotations import exp, frame_motions, from_quaternions, left_jacobian
@@ -22,6 +22,9 @@ FARTHEST = 1e12
 UNKNOWN_STEPS, FARTHEST_UNKNOWN = 12, 1e3
 """Largest number of Gauss-Newton steps of the instruments' unknowns alone; and the largest deviation of these, m and rad:
 readings that need more are not a robot's, and are compared at this limit."""
+POSITIONS = 1e-2
+"""Error of positions, m, that counts as much as 1 rad of orientation where positions are reported: orientations decide only
+what positions leave open, as a rotation about a line of them. Assumed."""
 FRAME_UNIT = 1e-3
 """Unit, m and rad, of unknowns without a prior in the fit's x: about a tolerance, so that all unknowns have one scale."""
 
@@ -244,8 +247,25 @@ def problem_of(dataset: Dataset, near: Poses, nominal: Model, *, free: bool) -> 
     return Problem(start, with_unknowns(readings, near), whitening, free)
 
 
-def with_unknowns(readings: Readings, poses: Poses) -> Readings:
-    """The readings with the unknowns' values that fit best at given poses (N), base frame; gross errors have little weight."""
+def nominal_residual(problem: Problem, near: Poses) -> Floats:
+    """(N, c) measured less predicted by the nominal geometry, m and rad, with a free frame and the instruments' unknowns fitted
+    to it: they minimise the errors that are reported, of a tracker those of positions.
+
+    ``near``: (N) poses of the nominal geometry, base frame.
+    """
+    readings, start = problem.measured, problem.start
+    if readings.tracked and problem.free_frame:
+        measured = problem.poses
+        start = replace(start, frame=Frame(*aligned(near, measured.T, measured.R, np.ones(len(near)), POSITIONS)))
+    return with_unknowns(readings, near, reported=True).residual(start, near)
+
+
+def with_unknowns(readings: Readings, poses: Poses, *, reported: bool = False) -> Readings:
+    """The readings with the unknowns' values that fit best at given poses (N), base frame; gross errors have little weight.
+
+    ``reported``: whether to minimise the squares of the errors that are reported of each instrument, in place of those of all
+    numbers; then there are no gross errors.
+    """
     if not len(readings.u):
         return readings
     sigma = readings.sigma
@@ -254,10 +274,13 @@ def with_unknowns(readings: Readings, poses: Poses) -> Readings:
     # The nominal geometry has errors of the size of its tolerances, about 1 mm and 1 mrad. With the instruments' noise alone,
     # the unknowns would compensate these errors.
     each = np.hypot(each, 1e-3)
+    if reported:
+        each = np.where(readings.shown, each, each / POSITIONS)
     start = readings.u
     for _ in range(UNKNOWN_STEPS):
         residual = readings.residual_at(poses) / each
         weight = 1.0 / np.maximum(np.abs(residual) / max(float(np.median(np.abs(residual))), 1e-9) / 3.0, 1.0)
+        weight = np.ones_like(weight) if reported else weight
         J = (readings.by_unknown(poses) * unit / each[:, :, None] * np.sqrt(weight)[:, :, None]).reshape(-1, len(unit))
         x = np.where(np.isfinite(sigma), readings.u / unit, 0.0)
         normal = J.T @ J + np.diag(prior) + 1e-12 * np.eye(len(unit))

@@ -42,7 +42,8 @@ class InstrumentFit:
       for its orientations.
     - ``readings``: number of used rows of its table.
     - ``before``, ``after``: root mean square error of its readings, in ``unit``. ``before``: of the nominal robot with the
-      best values of the instrument's unknowns. ``after``: of the calibrated robot. For positions and orientations: of the
+      values of the instrument's unknowns, and of its frame where that is free, that make these errors smallest (of a lone
+      tracker: the errors of positions). ``after``: of the calibrated robot. For positions and orientations: of the
       length of the error vector.
     - ``floor``: the root mean square error that noise alone would leave, in ``unit``.
     - ``unit``: ``m`` or ``rad``.
@@ -135,6 +136,9 @@ class Calibration(Shown):
         (N,) ids of the poses of the rows of ``fit``.
     history
         All iterations, in order.
+    doubt
+        What else the data fit with a geometry much nearer to nominal, in words; empty where nothing is known. Otherwise these
+        parameters may all be wrong.
     paper_model
         Number of the paper's model 1 to 5 whose parameters these are; None for the default parameters.
     warnings
@@ -177,6 +181,7 @@ class Calibration(Shown):
     u_covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     remedies: tuple[Remedy | None, ...] = ()
     history: tuple[Iteration, ...] = ()
+    doubt: str = ""
     paper_model: int | None = None
     warnings: tuple[str, ...] = ()
 

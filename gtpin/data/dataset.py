@@ -82,7 +82,7 @@ class Dataset(Shown):
         Names of recorded covariates that were removed from ``covariates`` because their values are impossible.
     readings
         The rows of the instruments. Those of a single tracker, which has no name, are always ``position`` and ``orientation``;
-        with ``stations`` it is called ``tracker``, and these are its readings.
+        with ``stations``, or with a target off the TCP, it is called ``tracker``, and these are its readings.
         For other instruments, ``position`` is not measured: it is zero until a robot is known, then the nominal TCP in the
         base frame.
     warnings
@@ -161,7 +161,7 @@ class Dataset(Shown):
         if self.readings.tracked:
             read = InstrumentRows.of_poses(self.position, self.orientation, self.row, self.instrument, self.file)
             object.__setattr__(self, "readings", read)
-        if self.instrument.stations:  # no frame has them all: they are readings
+        if self.instrument.reads:
             object.__setattr__(self, "instrument", InstrumentSection())
             object.__setattr__(self, "position", np.zeros_like(self.position))
             object.__setattr__(self, "orientation", None)

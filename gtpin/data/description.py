@@ -26,6 +26,7 @@ SCHEMA, SECOND = "gtpin-dataset/1", "gtpin-dataset/2"
 """Of the poses of one tracker, and of several instruments."""
 TomlFinite = Annotated[float, Field(allow_inf_nan=False)]
 TomlPositive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+TomlPoint = Annotated[tuple[TomlFinite, TomlFinite, TomlFinite], Field(strict=False)]
 TomlName = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 
 
@@ -100,7 +101,8 @@ class InstrumentSection(TomlSection):
 
     - `position_sigma`, `orientation_sigma`: standard deviation of its noise per axis, m and rad; None: it is estimated.
     - `frame`: `free` where the pose of the base frame in the instrument's frame is identified; `robot` where both are the same.
-    - `target`: `free` where the target's pose on the platform is identified; `tcp` where the target is at the TCP.
+    - `target`: `free` where the target's pose on the platform is identified; `tcp` where the target is at the TCP; (3,) where
+      it is, TCP frame, m.
     - `station`: the instrument's own position in its frame, m; None where it is not known.
     - `stations`: `session` where the instrument stood elsewhere in each session: a free frame for each value of this column.
     """
@@ -108,13 +110,18 @@ class InstrumentSection(TomlSection):
     position_sigma: Annotated[TomlPositive | None, hint(f"1 sigma per axis in m, {_ABOVE}")] = None
     orientation_sigma: Annotated[TomlPositive | None, hint(f"1 sigma per axis in rad, {_ABOVE}")] = None
     frame: Frame = "robot"
-    target: Annotated[Literal["tcp", "free"], hint('write "free", or leave it out where the target is the TCP')] = "tcp"
-    station: Annotated[
-        Annotated[tuple[TomlFinite, TomlFinite, TomlFinite], Field(strict=False)] | None,
-        hint("station = [x, y, z], three finite numbers in m"),
-    ] = None
+    target: Annotated[
+        TomlPoint | Literal["tcp", "free"],
+        hint('write target = [x, y, z], m, TCP frame, or "free", or leave it out where the target is the TCP'),
+    ] = "tcp"
+    station: Annotated[TomlPoint | None, hint("station = [x, y, z], three finite numbers in m")] = None
     stations: Stations = None
     _free_frames = model_validator(mode="before")(with_free_frames)
+
+    @property
+    def reads(self) -> bool:
+        """Whether what it measured are readings, and no poses of the TCP in one frame: of several stations, or of a target."""
+        return self.stations is not None or isinstance(self.target, tuple)
 
 
 class Conditions(TomlSection):

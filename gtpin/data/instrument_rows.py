@@ -58,14 +58,14 @@ class InstrumentRows:
     ) -> InstrumentRows:
         """Poses that a single tracker has read: T (N, 3), m, and quaternions (N, 4) or None; ``line``: (N,).
 
-        It has no name, except where it has several stations: it is then ``tracker``.
+        It has no name, except where it has several stations, or a target off the TCP: it is then ``tracker``.
         """
         columns = dict(zip(POSITION, T.T, strict=True))
         if quaternions is not None:
             columns |= dict(zip(ORIENTATION, quaternions.T, strict=True))
         declared = {} if instrument is None else instrument.model_dump(exclude={"frame", "target"})
         table, of = TrackerTable.model_construct(name="", kind="tracker", **declared), np.zeros(len(T), dtype=np.int64)
-        if instrument is not None and instrument.stations:
+        if instrument is not None and instrument.reads:
             table = TrackerTable(name="tracker", kind="tracker", **instrument.model_dump())
         return InstrumentRows((table,), (file,), of, line, columns, np.full(len(T), -1), ({},))
 

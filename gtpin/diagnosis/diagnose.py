@@ -255,7 +255,8 @@ def _diagnose(
     # 1. Prepare: usable rows and columns, calibrated.
     prepared = prepare(dataset, nominal, report, priors)
     if small := understated_noise(prepared, scope):
-        warn_of_noise(small)
+        # Of a sigma that visits contradict, the calibration has warned, and the verdict has the visits' own.
+        warn_of_noise({key: sizes for key, sizes in small.items() if getattr(prepared.baseline.noise, key) == sizes[0]})
         prepared = prepared.undeclared(small, nominal, report, priors)
     check_hold_out(prepared.dataset, hold_out)  # again: the preparation may have left out the column
     if dataset.drivers:
@@ -345,6 +346,7 @@ def _diagnose(
         where=where(hypotheses, found.alone, regions),
         gap=whole,
         noise_source=shown.source,
+        noise_ratio=shown.ratio,
         unexplained=replace(
             remaining, could_be=could_be, descriptions=found.descriptions, leaders=nearest, best_known=best
         ),

@@ -373,7 +373,7 @@ def without_impossible(
 
 
 def errors_beyond_noise(context: FittedContext) -> Conclusion | None:
-    """``held_out``, ``part``, ``excess``, ``visits``: residuals and errors on left-out poses are larger than noise.
+    """``held_out``, ``part``, ``excess``: residuals and errors on left-out poses are larger than noise.
 
     Beside causes, the errors may exceed noise by a small share of the gap, since no cause follows its equation exactly: of
     the gap of positions on left-out poses, or of all that was measured, in units of noise. A wrist rotates the tool and hardly
@@ -387,8 +387,6 @@ def errors_beyond_noise(context: FittedContext) -> Conclusion | None:
     if found.doubts or shown.source == "residuals":
         return None
     priors, silent = hypotheses.priors, found.verdict == "none"
-    if silent and shown.contradicted:
-        return found.doubted(Doubt("visits"))
     noise = shown.most if silent else shown.noise
     size, chance, part = shown.excess(noise, observed, hypotheses, found.model)
     allowed = float(floor_of(noise, hypotheses.design).mean() / shown.floor(hypotheses.design).mean())

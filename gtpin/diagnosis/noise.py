@@ -246,7 +246,7 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
 
 
 def warn_of_noise(small: dict[Sigma, tuple[float, float]]) -> None:
-    """Warn which declared sigmas are replaced."""
+    """Warn which declared sigmas are replaced in the search, and not in the verdict."""
     for key, (declared, seen) in small.items():
         ratio = seen / declared
         warn(
@@ -273,18 +273,18 @@ def _of_repeats(observed: Observed, baseline: Calibration) -> ReadingNoise | Non
 class ShownNoise:
     """The noise of a diagnosis's rows by declaration and visits.
 
-    ``noise``: declared sigmas, and repeatability and undeclared sigmas from visits. ``most``: the same with the
-    largest repeatability that the visits allow. ``source``: ``declared``, ``repeats``, or ``residuals`` where a sigma was
-    neither declared nor shown by visits: an assumption. ``visits``: number of repeated visits, beyond the first of each pose.
-    ``contradicted``: whether the visits scatter by more than the declared noise and drives allow: with other sigmas, a fifth
-    larger at least, their scatter is much likelier. Something then changes between visits.
+    ``noise``: declared sigmas, and repeatability and undeclared sigmas from visits. Of a declared sigma that visits contradict
+    (with other sigmas, a fifth larger at least, their scatter is much likelier), it has the visits' own. ``most``: the same
+    with the largest repeatability that the visits allow. ``source``: ``declared``, ``repeats``, or ``residuals`` where a sigma
+    was neither declared nor shown by visits: an assumption. ``visits``: number of repeated visits, beyond the first of each
+    pose. ``ratio``: the largest ratio of the visits' own sigma to the declared one that they contradict; 1 where there is none.
     """
 
     noise: ReadingNoise
     most: ReadingNoise
     source: Source
     visits: int
-    contradicted: bool = False
+    ratio: float = 1.0
 
     @staticmethod
     def of(
@@ -315,6 +315,11 @@ class ShownNoise:
             return ShownNoise(base, base, "residuals" if assumed else "declared", len(contrast))
         J = design.by_command_seen[rows]
         found = from_repeats(replace(base, repeatability=0.0).take(rows), contrast, J)
+        wrong, ratio = contradicted(found, contrast, J, priors.excess, priors.chance), 1.0
+        if wrong.any():
+            base, known = replace(base, estimated=~known | wrong), known & ~wrong
+            found = from_repeats(replace(base, repeatability=0.0).take(rows), contrast, J)
+            ratio = float((found.sigma / sigma)[wrong].max())
         shown = np.bincount(base.group[rows].ravel(), minlength=len(sigma)) >= LEAST_CONTRASTS
         noise = replace(base, sigma=found.sigma, repeatability=found.repeatability, dof=found.dof)
         errors *= np.sqrt(design.count / max(design.count - effective_parameters, 1.0))
@@ -324,9 +329,8 @@ class ShownNoise:
         grid = max(found.repeatability, unit) * np.linspace(0.0, 3.0, 61)
         most = replace(noise, repeatability=most_repeatability(found, shortened, J, grid, priors))
         unseen = bool((~known & ~shown)[rows_open].any())
-        source: Source = "residuals" if unseen else "repeats" if assumed else "declared"
-        wrong = contradicted(found, contrast, J, priors.excess, priors.chance)
-        return ShownNoise(noise, most, source, len(contrast), bool(wrong.any()))
+        source: Source = "residuals" if unseen else "repeats" if assumed or wrong.any() else "declared"
+        return ShownNoise(noise, most, source, len(contrast), ratio)
 
     def floor(self, design: Design) -> Floats:
         """(N, k) squares of what a perfect model would leave of the compared numbers: m^2; for readings, whitened."""

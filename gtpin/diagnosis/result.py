@@ -330,7 +330,6 @@ Reason = Literal[
     "held_out",
     "part",
     "excess",
-    "visits",
     "two_groups",
     "scatter",
     "chi_square",
@@ -353,8 +352,6 @@ and that of the last is in ``against.py``:
     Residuals of one part of an instrument (a station, a plane, a socket, a component) are larger than the noise.
 ``excess``
     The residuals are larger than the declared noise, and no visits tell whether the difference repeats.
-``visits``
-    Visits to the same commands differ by more than the declared noise and the drives' repeatability.
 ``two_groups``
     What looks like noise comes from two groups of rows.
 ``scatter``
@@ -646,6 +643,8 @@ class Diagnosis(Findings, Shown):
         Errors on left-out poses, of the geometry alone and with the causes, and the noise floor.
     noise_source
         Where the noise floor comes from: ``declared``, ``repeats`` (repeated visits), or ``residuals``: an assumption.
+    noise_ratio
+        The largest ratio of the noise that repeated visits show to a declared sigma that they contradict; 1: there is none.
     unexplained
         What the causes do not explain.
     baseline
@@ -691,6 +690,7 @@ class Diagnosis(Findings, Shown):
 
     baseline: Calibration
     noise_source: Source = "declared"
+    noise_ratio: float = 1.0
     why: Why | None = None
 
     def plot_residuals(self, against: str, component: str | None = None, *, after: bool = False) -> Figure:

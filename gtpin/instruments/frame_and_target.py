@@ -288,17 +288,18 @@ def alignment(poses: Poses, T: Floats, R: Floats | None) -> tuple[Floats, Floats
     far = np.linalg.norm(T - np.median(T, axis=0), axis=1)
     weight = (far <= 10.0 * np.median(far)).astype(float)
     for _ in range(ALIGNMENTS):
-        shift, turn = _aligned(poses, T, R, weight)
+        shift, turn = aligned(poses, T, R, weight)
         off = np.linalg.norm(T - poses.moved(shift, turn).T, axis=1)
         weight = 1.0 / np.maximum(off / max(float(np.median(off)), 1e-9), 1.0)
     return shift, turn
 
 
-def _aligned(poses: Poses, T: Floats, R: Floats | None, weight: Floats) -> tuple[Floats, Floats]:
+def aligned(poses: Poses, T: Floats, R: Floats | None, weight: Floats, radian: float = 1.0) -> tuple[Floats, Floats]:
+    """As :func:`alignment`, with given weights (N,); 1 rad counts as much as ``radian``, m."""
     w = weight / weight.sum()
     centre_a, centre_b = w @ poses.T, w @ T
     a, b = poses.T - centre_a, T - centre_b
-    # Orientations determine the rotation even if positions don't; 1 m of position counts as much as 1 rad.
-    turns = np.zeros((3, 3)) if R is None else np.einsum("n,nij,nkj->ik", w, R, poses.R)
+    # Orientations determine the rotation even if positions don't.
+    turns = np.zeros((3, 3)) if R is None else radian**2 * np.einsum("n,nij,nkj->ik", w, R, poses.R)
     turn = nearest((w[:, None] * b).T @ a + turns)
     return centre_b - turn @ centre_a, turn

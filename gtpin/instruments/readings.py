@@ -23,7 +23,7 @@ from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions, to_quaternions
 from gtpin.model.model import FittedInstrument, Model, in_frame
 from gtpin.robot.chain import Chain
-from gtpin.typing import Floats, Indices
+from gtpin.typing import Floats, Indices, Mask
 
 VAGUE = 1.0
 """Sigma, m and rad, that is used for an unknown without a prior: so wide that the prior has no influence. Assumed."""
@@ -54,8 +54,14 @@ class Readings:
 
         Raises `DatasetError` for impossible readings.
         """
-        found = Readings(dataset.q, dataset.readings, robot, np.zeros(0))
-        return replace(found, u=np.zeros(len(found.unknowns)) if u is None else u)
+        found = Readings.of_rows(dataset.q, dataset.readings, robot)
+        return found if u is None else replace(found, u=u)
+
+    @staticmethod
+    def of_rows(q: Floats, rows: InstrumentRows, robot: Chain) -> Readings:
+        """The readings of some rows at commands q (N, n), with the unknowns as they are declared."""
+        found = Readings(q, rows, robot, np.zeros(0))
+        return replace(found, u=np.zeros(len(found.unknowns)))
 
     @staticmethod
     def of_poses(q: Floats, T: Floats, R: Floats | None, robot: Chain) -> Readings:
@@ -181,6 +187,15 @@ class Readings:
     def initial_sigma(self) -> Floats:
         """(G,) declared sigmas, m or rad; where none is declared, the one at which its estimation starts."""
         return np.array([sigma or component.initial_sigma for _, component, sigma in self._groups])
+
+    @cached_property
+    def shown(self) -> Mask:
+        """(N, c) whether the error of each number is reported."""
+
+        def own(_: int, one: Instrument) -> Mask:
+            return np.broadcast_to([c.shown for c in one.components], (one.read.count, len(one.components)))
+
+        return self._each(own)
 
     @cached_property
     def row_sigma(self) -> Floats:

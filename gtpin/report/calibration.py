@@ -14,7 +14,16 @@ from gtpin.calibration.result import Calibration
 from gtpin.model.departures import departures
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
-from gtpin.report.calibration_text import cannot_judge, elsewhere, lost, scatters, unseen_words
+from gtpin.report.calibration_text import (
+    IN_DOUBT,
+    best_frame,
+    cannot_judge,
+    elsewhere,
+    lost,
+    scatters,
+    unseen_words,
+    visits_over_declared,
+)
 from gtpin.report.geometry import geometry_line, geometry_table
 from gtpin.report.page import Lead, Table, provenance
 from gtpin.report.sections import FitPresentation
@@ -48,7 +57,7 @@ class CalibrationPresentation(FitPresentation):
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, and what to do."""
         c, q = self.calibration, self.dataset.q
-        found = departures(c.model, q)
+        found = () if c.doubt else departures(c.model, q)
         tone, badge, headline, advice = _verdict(c)
         return Lead(
             f"{self.title} · {len(c.names)} parameters from {c.poses} measurements",
@@ -100,6 +109,8 @@ class CalibrationPresentation(FitPresentation):
 
 def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
     """Tone, badge, headline and advice."""
+    if c.doubt:
+        return "warn", "geometry in doubt", IN_DOUBT, [f"{c.doubt[:1].upper()}{c.doubt[1:]}."]
     if c.worse:
         return "bad", "worse than nominal", f"{c.worse[0].upper()}{c.worse[1:]}.", []
     if not c.explained:
@@ -121,6 +132,12 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
     if why := cannot_judge(c):
         headline = "Whether the geometry explains these data can't be judged: their noise is not known."
         return "accent", "fit not judged", headline, [f"Declare the sigmas. Chi-square can't judge the fit: {why}."]
+    if (ratio := visits_over_declared(c)) > 1.0:
+        headline = (
+            f"The residuals agree with the scatter between visits, which is {ratio:.2g} times the declared noise."
+        )
+        wrong = "The declared sigma is wrong, or something changes between the visits: gtpin diagnose looks for it."
+        return "warn", "fits within its scatter", headline, [wrong]
     if hidden := scatters(c):
         headline = "The residuals agree with the noise, of which the scatter between visits is a large part."
         return "accent", "fits within its scatter", headline, [hidden]
@@ -129,9 +146,10 @@ def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
 
 def _numbers(c: Calibration) -> list[tuple[str, str]]:
     numbers = []
+    noise = "noise alone, by repeated visits" if visits_over_declared(c) > 1.0 else "noise alone"
     for one in c.by_instrument:
-        numbers.append((quantity(one.before, one.unit), f"nominal geometry: {one.what}, RMS"))
+        numbers.append((quantity(one.before, one.unit), f"nominal geometry{best_frame(c)}: {one.what}, RMS"))
         numbers.append((quantity(one.left_out, one.unit), "calibrated geometry, at left-out poses"))
-        numbers.append((quantity(one.floor, one.unit), "noise alone" if c.noise_known else UNKNOWN))
+        numbers.append((quantity(one.floor, one.unit), noise if c.noise_known else UNKNOWN))
     meaning = ", which can't judge the fit here" if cannot_judge(c) else f", 1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
     return [*numbers, (f"{c.chi2_per_dof:.2f}", f"chi-square per degree of freedom{meaning}")]

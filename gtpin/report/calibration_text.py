@@ -64,6 +64,15 @@ def lost(c: Calibration) -> list[InstrumentFit]:
     return [one for one in c.by_instrument if one.left_out > max(one.before, PRIORS.silent * one.floor)]
 
 
+IN_DOUBT = "The geometry is in doubt: the target does not look to be where it is declared."
+"""Headline of a calibration that has a doubt, in the place of its parameters."""
+
+
+def best_frame(c: Calibration) -> str:
+    """That the error of the nominal geometry is after a fit of the instrument's frame, where that is free; or nothing."""
+    return " after the best fit of the frame" if c.model.stands_anywhere else ""
+
+
 def nominal_words(c: Calibration) -> str:
     """Errors of the nominal geometry, RMS, in words."""
     named = sum(bool(one.name) for one in c.by_instrument) > 1
@@ -93,6 +102,13 @@ def overruled(c: Calibration) -> list[float | None]:
         values += [float(np.median(column)) for column in columns if np.isfinite(column).all()]
         found.append(next((v for v in values if v is not None), None) if estimated else None)
     return found
+
+
+def visits_over_declared(c: Calibration) -> float:
+    """The largest ratio of the noise that repeated visits show to a declared sigma that they contradict; else 1."""
+    if c.noise.source != "repeats":
+        return 1.0
+    return max([1.0, *(float(s) / own for s, own in zip(c.noise.sigma, overruled(c), strict=True) if own)])
 
 
 def noise_words(c: Calibration) -> list[str]:

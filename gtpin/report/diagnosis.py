@@ -13,7 +13,7 @@ from gtpin.model.model import Model
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
 from gtpin.report.calibration import UNKNOWN
-from gtpin.report.calibration_text import nominal_words
+from gtpin.report.calibration_text import IN_DOUBT, best_frame, nominal_words
 from gtpin.report.diagnosis_json import diagnosis_json
 from gtpin.report.effect_curves import curve_drawing, drawn_curves
 from gtpin.report.figure import alone
@@ -62,13 +62,15 @@ class DiagnosisPresentation(FitPresentation):
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, the causes, and what to do."""
         d = self.diagnosis
-        said, found = verdict(d), departures_of(d)
+        doubt = d.baseline.doubt
+        said, found = verdict(d), () if doubt else departures_of(d)
         # Without a gap, a free motion of a part explains nothing.
         shares = () if d.verdict == "none" else (d.where.site, [c.site for c in d.causes])
         head = ("cause", "probability", "parameters", "part of the gap")
         return replace(
             said,
-            headline="\n".join(filter(None, (geometry_line(found), said.headline))),
+            headline="\n".join(filter(None, (IN_DOUBT if doubt else geometry_line(found), said.headline))),
+            advice=[*([f"{doubt[:1].upper()}{doubt[1:]}."] if doubt else []), *said.advice],
             numbers=_numbers(d),
             sketch=drawing(d.model, d.dataset.q.mean(axis=0), *shares),
             caption=f"{SHADES}{' Blue: the sites of the causes.' if d.causes else ''}" if shares else "",
@@ -148,20 +150,20 @@ def write_findings(
 
 
 def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
-    numbers, size, unexplained = list[tuple[str, str]](), gap_words(d.gap), d.baseline.model.unexplained
+    numbers, size = list[tuple[str, str]](), gap_words(d.gap)
     if len(d.gap.by_instrument) > 1:
         for one in d.gap.by_instrument:
             before, after, floor = (quantity(value, one.unit) for value in (one.before, one.after, one.floor))
             words = f"{one.name}, gap of the calibrated geometry{', and with the causes' if d.causes else ''}"
             numbers.append((f"{before} → {after}" if d.causes else before, f"{words}; noise alone {floor}"))
     else:
-        known = unexplained is None or unexplained.noise_known
+        noise = "noise alone, by repeated visits" if d.noise_ratio > 1.0 else "noise alone"
         where = "sessions" if d.gap.hold_out == "session" else "poses"
         numbers += [
-            (nominal_words(d.baseline), f"nominal geometry: {size.what}, RMS"),
+            (nominal_words(d.baseline), f"nominal geometry{best_frame(d.baseline)}: {size.what}, RMS"),
             (size.before, f"calibrated geometry, at left-out {where}"),
             *([(size.after, "with the causes")] if d.causes else []),
-            (size.floor, "noise alone" if known else UNKNOWN),
+            (size.floor, noise if d.noise_source != "residuals" else UNKNOWN),
         ]
     if d.gap.explained_fraction is not None and d.gap.before > d.gap.floor:
         between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""

@@ -62,10 +62,6 @@ DOUBTS = {
         "The residuals are larger than the declared noise. No effect explains the difference, and too few poses were visited "
         "twice to show whether it repeats."
     ),
-    "visits": (
-        "Repeated visits to the same commands differ by more than the declared noise and the repeatability of the drives: "
-        "something changes between the visits."
-    ),
     "scatter": "Repeated visits scatter by more than the noise of the instrument, and the columns that could explain it "
     "contradict each other.",
     "chi_square": "The differences from the earlier model exceed noise and its uncertainty, and no change explains them.",

@@ -71,7 +71,8 @@ def scattered(d: Diagnosis) -> bool:
     of the instrument. It may be loose."""
     noise = d.baseline.noise
     known = d.noise_source == "declared" and not d.gap.by_instrument
-    return d.verdict == "none" and known and d.gap.floor > PRIORS.understated * np.sqrt(3.0) * noise.position_sigma
+    drives = known and d.gap.floor > PRIORS.understated * np.sqrt(3.0) * noise.position_sigma
+    return d.verdict == "none" and (drives or d.noise_ratio > PRIORS.understated)
 
 
 def also(d: Diagnosis) -> list[str]:
@@ -99,7 +100,13 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
         return [
             "These poses are too few: at left-out poses the calibrated geometry is no better than the nominal one."
         ], []
-    if (hidden := may_hide(d)) or scattered(d):
+    hidden = may_hide(d)
+    if d.noise_ratio > PRIORS.understated:
+        often = f"{d.noise_ratio:.2g} times the declared noise"
+        headline = f"No cause is detected: what is left is scatter between visits, {often}."
+        wrong = "The declared sigma is wrong, or something changes between the visits: a loose part, or the instrument."
+        return [headline], [wrong, *hidden]
+    if hidden or scattered(d):
         why = "whose causes could not be tested" if hidden else "which no effect of a recorded column explains"
         headline = f"No cause is detected. Much of the noise is scatter between visits, {why}."
         return [headline], [scatters(d.baseline), *hidden]
@@ -185,7 +192,7 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
     open_, left = bool(_possible(d)), _of_each(d.gap, _left)
     what = "an effect that these data can't identify" if open_ else "an effect that is not in the catalogue"
     if any(doubt.reason == "excess" for doubt in d.doubts):
-        headline = f"Scatter of {left}: these data don't show whether it is noise."
+        headline = f"Scatter of {left} beyond the declared noise: these data don't show whether it is noise."
         look = "Visit poses again: noise differs between the visits to a pose, and an error repeats."
     elif part := [doubt.site for doubt in d.doubts if doubt.reason == "part"]:
         headline = f"Unknown, {left}: {what} in the readings of {part[0]}."

@@ -67,9 +67,48 @@ def test_scatter_beyond_the_declared_noise_is_unknown_and_visits_are_proposed():
     assert "don't show whether it is noise" in " ".join(str(found.summary()).split())
 
 
-def test_scatter_that_repeats_at_each_pose_is_no_noise():
-    found = gtpin.diagnose(measured(3, scatter=1.2e-4, visits=2, poses=45))
+@pytest.mark.parametrize("declared", [1.0, 1.0 / 3.0])
+def test_scatter_that_repeats_at_each_pose_is_no_noise(declared):
+    sigmas = (declared * SIGMA, declared * TURN)
+    found = gtpin.diagnose(measured(3, scatter=1.2e-4, visits=2, poses=45, sigmas=sigmas))
     assert found.verdict == "unknown"
+
+
+@pytest.mark.parametrize("schema", [1, 2])
+@pytest.mark.parametrize("seed", [5, 6, 7])
+def test_noise_three_times_the_declared_that_visits_show_is_no_effect(seed, schema, tmp_path):
+    data = measured(seed, visits=2, poses=60, sigmas=(SIGMA / 3.0, TURN / 3.0))
+    if schema == 2:
+        data.write(tmp_path / "d")
+        toml = (tmp_path / "d" / "dataset.toml").read_text()
+        section = '[[instrument]]\nname = "laser"\nkind = "tracker"\nfile = "poses.csv"'
+        toml = toml.replace("gtpin-dataset/1", "gtpin-dataset/2").replace("[instrument]", section)
+        (tmp_path / "d" / "dataset.toml").write_text(toml)
+        data = gtpin.Dataset.read(tmp_path / "d")
+    found = gtpin.diagnose(data)
+    assert (found.verdict, found.causes, found.doubts) == ("none", (), ())
+    assert found.noise_source == "repeats"
+    assert found.noise_ratio == pytest.approx(3.0, rel=0.15)
+    said = " ".join(str(found.summary()).split())
+    assert "scatter between visits" in said
+    assert "only noise is left" not in said
+    for key in ("position_sigma", "orientation_sigma"):
+        assert len([text for text in found.warnings if key in text]) == 1
+    if schema == 1:
+        assert found.gap.floor == pytest.approx(SIGMA * np.sqrt(3.0), rel=0.15)
+        calibrated = " ".join(str(gtpin.calibrate(data).summary()).split())
+        assert "agree with the scatter between visits" in calibrated
+        assert "agree with the noise of instrument" not in calibrated
+
+
+def test_noise_three_times_the_declared_without_visits_is_scatter_and_no_unlisted_effect():
+    found = gtpin.diagnose(measured(8, sigmas=(SIGMA / 3.0, TURN / 3.0)))
+    assert [doubt.reason for doubt in found.doubts] == ["excess"]
+    said = " ".join(str(found.summary()).split())
+    assert "beyond the declared noise" in said
+    assert "catalogue" not in said
+    assert "noise is not known" not in said
+    assert found.gap.floor == pytest.approx(SIGMA / np.sqrt(3.0), rel=0.05)
 
 
 @pytest.mark.parametrize("visits", [1, 3])

@@ -33,19 +33,21 @@ from gtpin.calibration.checks.suspected import far_from_declared, refuse, suspec
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.observability import UNSEEN
-from gtpin.calibration.problem import Measured, Point, Problem, rough_frame
+from gtpin.calibration.problem import Measured, Point, Problem, rough_frame, with_unknowns
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data import Dataset
 from gtpin.data.duplicates import command_steps
 from gtpin.data.files import warn_of
+from gtpin.data.instrument_tables import TrackerTable
 from gtpin.data.names import ORIENTATION
 from gtpin.data.plausible import named_poses
 from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
+from gtpin.instruments.frame_and_target import AWAY
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log
-from gtpin.model.model import Model
+from gtpin.model.model import Frame, Model
 from gtpin.noise import weights
 from gtpin.noise.reading_noise import SMALLEST
 from gtpin.typing import Floats, Mask
@@ -55,12 +57,12 @@ def settled_fit(given: Dataset, kept: Dataset, fit: RobustFit, *, tracked: bool,
     """Run the robust fit of the rows that are ``kept`` of a dataset, with its checks.
 
     ``tracked``: whether one tracker measured poses. ``doubt``: whether the declared noise, frame and tolerances are checked
-    too; those of readings always are.
+    too; the noise of readings always is.
 
     Raises `DatasetError` if the data can't be this robot's, or the fit does not describe them. `ConvergenceError` if it
     does not converge for another reason. Warns: names the poses that are rejected, and what was assumed wrongly.
     """
-    return _settled_poses(kept, fit, doubt=doubt) if tracked else _settled_readings(given, kept, fit)
+    return _settled_poses(kept, fit, doubt=doubt) if tracked else _settled_readings(given, kept, fit, doubt=doubt)
 
 
 def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
@@ -89,9 +91,12 @@ def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
             counted = f"{np.count_nonzero(~settled.used):,} of {len(kept):,} rows, of "
             several = len(set(kept.pose)) < len(kept)
             warn(f"set aside as gross errors: {counted if several else ''}{named_poses(kept, ~settled.used)}")
-        coarse = _check_fit(kept, settled, seen)
-        found = _without_prior_conflict(*with_credible_noise(fit, settled)) if doubt else settled
-        if doubt and coarse is None:
+        coarse, found = _check_fit(kept, settled, seen), settled
+        if doubt:
+            found = _without_prior_conflict(*with_credible_noise(fit, settled))
+        else:
+            warn_of_far_parameters(settled, about_track(settled.fit.point.model.geometry))
+        if doubt and coarse is None and not found.doubt:
             check_moved(kept, found.fit.point.model.geometry, fit.whole.start.geometry, fit.near, fit.found)
     return found
 
@@ -142,27 +147,36 @@ def _check_set_aside(kept: Dataset, measured: Measured, settled: FitState) -> No
 
 
 def _without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
-    """The result of the fit; if the priors contradict the data, repeated with a wider tolerance or a free frame."""
+    """The result of the fit; if the priors contradict the data, repeated with wider tolerances or a free frame.
+
+    Warns: of this. Where a target that is not where it is declared explains the contradiction better, only of the target.
+    """
+    admitted, text = _admitted(fit, settled)
+    if text and (doubt := _elsewhere_on_platform(fit, admitted)):
+        warn(doubt)
+        return replace(admitted, doubt=doubt)
+    warn_of_far_parameters(settled, about_track(settled.fit.point.model.geometry))
+    if text:
+        warn(text)
+    return admitted
+
+
+def _admitted(fit: RobustFit, settled: FitState) -> tuple[FitState, str]:
+    """The result without the assumption that the data contradict, and what to say of it; empty where there is none."""
     found = prior_conflict(settled)
     far = np.abs(settled.deviation).max(initial=0.0) > limits.FAR_FROM_PRIOR
     # Where no parameter deviates so far, the priors may be contradicted by another cause, such as a ball out of round.
     if settled.widened == 1.0 and (found is None or (found.what != "frame" and not far)):
-        return settled
+        return settled, ""
+    admit = "tolerances are widened to admit it"
     if settled.widened > 1.0 and (found is None or found.what == "tolerances"):
-        warn(
-            f"the nominal model is not this machine: its parameters are off by {settled.widened:.2g} times their "
-            "tolerances; tolerances are widened to admit it"
-        )
-        return settled
+        size = f"its parameters are off by {settled.widened:.2g} times their tolerances"
+        return settled, f"the nominal model is not this machine: {size}; {admit}"
     assert found is not None
     if found.what == "frame":
-        start = replace(fit.whole.start, frame=rough_frame(fit.near, fit.whole.poses))
-        freed = replace(fit, whole=replace(fit.whole, start=start, free_frame=True))
-        warn(
-            f"the instrument's frame looks {found.size * 1e3:.2g} mm and {found.turn * 1e3:.2g} mrad off the robot's: it is "
-            'fitted as free; write frame = "free"'
-        )
-        return freed.run()
+        size = f"{found.size * 1e3:.2g} mm and {found.turn * 1e3:.2g} mrad off the robot's"
+        free = 'it is fitted as free; write frame = "free", or target = [x, y, z] if the target is off the TCP'
+        return _with_free_frame(fit).run(), f"the instrument's frame looks {size}: {free}"
     relaxed = fit.with_geometry(with_wider_tolerances(settled, found)).run()
     if zeros := zeros_off(relaxed):
         deviation = zeros
@@ -171,8 +185,60 @@ def _without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
         deviation = f"{named} looks off by more than the tolerances allow"
     else:
         deviation = f"its parameters are off by {found.size:g} times their tolerances"
-    warn(f"the nominal model is not this machine: {deviation}; tolerances are widened to admit it")
-    return relaxed
+    return relaxed, f"the nominal model is not this machine: {deviation}; {admit}"
+
+
+def _elsewhere_on_platform(fit: RobustFit, admitted: FitState) -> str:
+    """What to say of a tracker's target that is not where it is declared, if it explains the data better than ``admitted``.
+
+    It does where the fit with the target's place as an unknown, of a prior sigma of some tenths of metres, has the larger
+    marginal likelihood, and residuals that are about as small; or where its residuals are much smaller.
+    """
+    whole, rows = fit.whole, fit.whole.measured.rows
+    table = rows.tables[0]
+    if len(rows.tables) > 1 or not isinstance(table, TrackerTable) or table.target == "free" or table.targets:
+        return ""
+    if fit.found is not None and fit.found.any():
+        return ""
+    free = "free" if whole.free_frame or table.frame == "free" else "robot"
+    more = {"name": table.name or "tracker", "frame": free, "target_sigma": AWAY}
+    rows = replace(rows, tables=(table.model_copy(update=more),))
+    readings = Readings.of_rows(whole.measured.q, rows, whole.measured.robot)
+    readings = with_unknowns(readings.at(readings.start(fit.near)), fit.near)
+    start = replace(whole.start, frame=Frame())
+    tried = replace(fit, whole=replace(whole, start=start, measured=readings, free_frame=False))
+    try:
+        other, _ = _admitted(tried, tried.run())
+    except ConvergenceError:
+        return ""
+    problem, names = other.fit.problem, [unknown.name for unknown in readings.unknowns]
+    own = [problem.n_geometry + names.index(f"{more['name']}.target.{axis}") for axis in "xyz"]
+    if len(problem.unit) != len(names):  # a frame was freed, so that the target is one of two assumptions
+        return ""
+    gain, left = other.log_evidence - admitted.log_evidence, other.scale / admitted.scale
+    if (gain < limits.CONFLICT or left > limits.AS_GOOD) and left > 1.0 / limits.AS_GOOD:
+        return ""
+    at = AWAY * other.fit.point.x[own] + np.array(table.fixed_targets[""])
+    sigma = AWAY * np.sqrt(np.diag(other.fit.covariance)[own])
+    place = ", ".join(f"{value:.4f}" for value in at)
+    section = "[[instrument]]" if table.name else "[instrument]"
+    return (
+        f"the target does not look to be where dataset.toml has it, but at [{place}] m in the frame of the TCP (+- "
+        f"{1e3 * sigma.max():.2g} mm): with it the data fit as well, and the geometry is much nearer to nominal; measure it, "
+        f"and write target = [{place}] under {section} of dataset.toml. Without it, zeros and joints of this result are wrong "
+        "together with the tool"
+    )
+
+
+def _with_free_frame(fit: RobustFit) -> RobustFit:
+    """The fit with a free frame for every tracker that was assumed to measure in the robot's."""
+    whole, rows = fit.whole, fit.whole.measured.rows
+    if whole.measured.tracked:
+        start = replace(whole.start, frame=rough_frame(fit.near, whole.poses))
+        return replace(fit, whole=replace(whole, start=start, free_frame=True))
+    tables = tuple(t.model_copy(update={"frame": "free"}) if isinstance(t, TrackerTable) else t for t in rows.tables)
+    readings = Readings.of_rows(whole.measured.q, replace(rows, tables=tables), whole.measured.robot)
+    return replace(fit, whole=replace(whole, measured=with_unknowns(readings.at(readings.start(fit.near)), fit.near)))
 
 
 def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
@@ -217,7 +283,6 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
         if coarse or size > limits.MISFIT:
             times = max(size, settled.sigma_scale)
             warn(f"residuals are {times:{'.0f' if times > limits.MISFIT else '.1f'}} times the noise: {why}")
-    warn_of_far_parameters(settled, about_track(model.geometry))
     return coarse
 
 
@@ -237,7 +302,7 @@ def _coarse_commands(model: Model, measured: Measured, poses: Poses) -> str | No
     return f"all commands are multiples of {steps.words}, and poses are off by {size:.2g} mm, as such a step makes them"
 
 
-def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit) -> FitState:
+def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
     """As :func:`settled_fit`, for readings of any instruments."""
     readings, near, reach = fit.whole.measured, fit.near, reach_of(fit.whole.start.geometry)
 
@@ -251,7 +316,7 @@ def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit) -> FitState
 
     check_readable(given, readings, near, reach, misfit)
     with explained(readings, near):
-        settled = with_credible_noise(fit, settled_or_explained(fit))[1]
+        credible, settled = with_credible_noise(fit, settled_or_explained(fit))
     fitted = settled.fit.problem.readings(settled.fit.point.x)
     left, heights = (
         fitted.residual_at(settled.fit.point.poses)[:, 0],
@@ -268,9 +333,15 @@ def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit) -> FitState
     if settled.scale > limits.MISFIT:
         scale = f"residuals are {settled.scale:.0f} times the noise"
         warn(f"{scale}: the geometry does not explain these data, or the declared sigma is too small")
-    check_moved(given, settled.fit.point.model.geometry, fit.whole.start.geometry, near, fit.found)
+    found = settled
+    if doubt:
+        found = _without_prior_conflict(credible, settled)
+    else:
+        warn_of_far_parameters(settled)
+    if not found.doubt:
+        check_moved(given, settled.fit.point.model.geometry, fit.whole.start.geometry, near, fit.found)
     _warn_of_deviations(settled, fitted)
-    return settled
+    return found
 
 
 def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
@@ -300,13 +371,14 @@ def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
 
 
 def _warn_of_deviations(settled: FitState, readings: Readings) -> None:
-    """Warn of parameters and fitted unknowns that are farther from what is declared than their priors allow."""
+    """Warn of a geometry as a whole, and of fitted unknowns, that are farther from what is declared than their priors allow."""
     x, seen = settled.fit.point.x[: settled.fit.problem.n_geometry], settled.observability
     # Along a direction with the variance reduction l, the estimate has the variance l, in units of the squared tolerances.
     known = seen.variance_reduction > UNSEEN
     along = seen.directions[:, known].T @ x
     chance = chi2.sf(float((along**2 / seen.variance_reduction[known]).sum()), max(int(known.sum()), 1))
-    if not warn_of_far_parameters(settled) and chance < limits.GEOMETRY_CHANCE:
+    far = far_from_declared(settled.deviation, settled.geometry.names)
+    if not far and chance < limits.GEOMETRY_CHANCE:
         text = f"the geometry as a whole is farther from nominal than its tolerances allow (chance {chance:.1g})"
         hint = "check commands, known distances, and what is declared of the instruments, or give larger tolerances"
         warn(f"{text}: {hint}; an effect that the geometry takes up may do this as well")

@@ -74,8 +74,11 @@ def with_credible_noise(fit: RobustFit, settled: FitState) -> tuple[RobustFit, F
     readings = fit.whole.measured
     for one in _declared(readings):
         if settled.noise.estimated[one.group]:
-            what = _text(readings, one, float(settled.noise.sigma[one.group]))
-            warn(f"{what}: the data's own is used; the declared value is wrong, or something changes between visits")
+            what = _text(readings, one, float(settled.noise.sigma[one.group]), "repeated visits")
+            warn(
+                f"{what}: the fit of the geometry takes it for noise; the declared value is wrong, or something changes "
+                "between visits"
+            )
     suspects = [one for one in _declared(readings) if _overstated(settled, one)]
     if not suspects:
         return fit, settled
@@ -159,11 +162,11 @@ def _overstated(settled: FitState, one: Declared) -> bool:
     )  # too few say nothing of noise
 
 
-def _text(readings: Readings, one: Declared, seen: float) -> str:
+def _text(readings: Readings, one: Declared, seen: float, what: str = "these data") -> str:
     ratio, name = one.value / seen, readings.instruments[one.instrument].name
     times = f"{ratio:.2g} times less" if ratio > 1.0 else f"{1.0 / ratio:.2g} times more"
     of, verb = f"{one.key} of {name}" if name else one.key, "are" if one.by_row else "is"
-    return f"{of} {verb} {one.value:.2g}, but these data show a noise of {seen:.2g}, {times}"
+    return f"{of} {verb} {one.value:.2g}, but {what} show a noise of {seen:.2g}, {times}"
 
 
 def _error(readings: Readings, one: Declared, seen: float) -> DatasetError:

@@ -15,12 +15,13 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from gtpin.calibration.checks import limits
+from gtpin.calibration.checks.suspected import zeros_beyond
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.problem import FRAME_UNIT, Point, Problem
+from gtpin.data.instrument_tables import TrackerTable
 from gtpin.kinematics.rotations import frame_motions
-from gtpin.model.model import in_frame
 from gtpin.robot.geometry import Geometry
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Mask
 
 What = Literal["frame", "zero", "part", "tolerances"]
 
@@ -51,15 +52,23 @@ def prior_conflict(settled: FitState) -> PriorConflict | None:
 
 
 def with_wider_tolerances(settled: FitState, found: PriorConflict) -> Geometry:
-    """The nominal geometry with tolerances that are wide enough for the deviations of the fitted geometry."""
+    """The nominal geometry with tolerances that are wide enough for the deviations of the fitted geometry.
+
+    A zero moves all that its joint carries: these parameters are wide enough for the whole of it, though each may deviate less.
+    """
     x = np.abs(settled.deviation)
+    for zero in zeros_beyond(settled):
+        x = np.maximum(x, np.abs(zero.way * zero.value) / settled.geometry.tolerance)
     whole = found.size if found.what == "tolerances" else 1.0
     return settled.geometry.with_tolerances(np.maximum(whole, np.where(x > limits.WIDENED, x, 1.0)))
 
 
 @dataclass(frozen=True)
 class _Linear:
-    """The normal equations about a fit: A = J'J and b = J'y over the geometry, the frame (6) and the actuators' zeros."""
+    """The normal equations about a fit: A = J'J and b = J'y over the fit's unknowns, the frame (6) and the actuators' zeros.
+
+    The frame is that in which trackers measure that stand in the robot's own; where there are none, its columns are 0.
+    """
 
     settled: FitState
     A: Floats
@@ -68,16 +77,18 @@ class _Linear:
     @staticmethod
     def of(settled: FitState) -> _Linear:
         fit, problem = settled.fit, settled.fit.problem
-        p = problem.n_geometry
-        wider = problem.start.geometry.tolerance / settled.geometry.tolerance
-        size = p + 6 + problem.start.robot.n_actuators
+        p, n = problem.n_geometry, problem.size
+        unit = np.ones(n)
+        unit[:p] = settled.geometry.tolerance / problem.start.geometry.tolerance
+        # What has a prior is measured from its nominal or declared value; all else from its fitted value.
+        x = np.where(problem.prior == 1.0, fit.point.x[:n] / unit, 0.0)
+        size = n + 6 + problem.start.robot.n_actuators
         whole, moment = np.zeros((size, size)), np.zeros(size)
         for rows in problem.chunks():
             weight = np.sqrt(fit.weight[rows])
-            own = problem.jacobian(fit.point, rows)[:, :, :p] / wider
-            J = np.concatenate([own, _motions(problem, fit.point, rows)], axis=2)
+            J = np.concatenate([problem.jacobian(fit.point, rows) * unit, _motions(problem, fit.point, rows)], axis=2)
             flat = (J * weight[:, None, None]).reshape(-1, J.shape[2])
-            y = (fit.residual[rows] * weight[:, None]).ravel() + flat[:, :p] @ settled.deviation
+            y = (fit.residual[rows] * weight[:, None]).ravel() + flat[:, :n] @ x
             whole += flat.T @ flat
             moment += flat.T @ y
         # Residuals that the fit leaves beyond the noise count as noise too: they do not come from wrong tolerances.
@@ -86,14 +97,12 @@ class _Linear:
     def suspects(self) -> Iterator[PriorConflict]:
         """All assumptions that might be wrong, each with the gain in log marginal likelihood without it."""
         problem = self.settled.fit.problem
-        p, names = problem.n_geometry, problem.start.geometry.names
+        p, n, names = problem.n_geometry, problem.size, problem.start.geometry.names
         prior = np.zeros(len(self.b))
-        prior[:p] = 1.0
-        if problem.free_frame:
-            prior[p : p + 6] = limits.NO_PRIOR
+        prior[:n] = 1.0 / problem.prior
         base, place = self._evidence(prior), np.arange(len(prior))
-        if not problem.free_frame:
-            own = (place >= p) & (place < p + 6)
+        own = (place >= n) & (place < n + 6)
+        if self.A[own].any():
             tried = [np.where(own, size**2, prior) for size in limits.SCALES]
             gains = [self._evidence(variance) for variance in tried]
             best = int(np.argmax(gains))
@@ -102,7 +111,7 @@ class _Linear:
             shift = mean[own] * FRAME_UNIT
             size, turn = (float(np.linalg.norm(part)) for part in (shift[:3], shift[3:]))
             yield PriorConflict("frame", "frame", gains[best] - base, size, turn)
-        zeros = self._alone(prior, slice(p + 6, None), limits.SCALES)
+        zeros = self._alone(prior, slice(n + 6, None), limits.SCALES)
         for site, gain, mean in zip(problem.start.geometry.robot.sites, *zeros, strict=True):
             yield PriorConflict("zero", site, float(gain), float(mean) * FRAME_UNIT)
         parts = self._alone(prior, slice(len(names)), limits.FACTORS)
@@ -148,9 +157,18 @@ class _Linear:
 
 def _motions(problem: Problem, point: Point, rows: slice) -> Floats:
     """(M, c, 6 + n) whitened motions, per mm and mrad: of the frame about the middle of the poses, and of actuators' zeros."""
-    model, poses = point.model, point.poses[rows]
-    T = model.in_instrument_frame(poses).T
-    frame = frame_motions(T - problem.pivot)
-    zeros = in_frame(model.kinematics.command_jacobian(problem.measured.q[rows], poses), model.frame)
-    motion = FRAME_UNIT * np.concatenate([frame, zeros], axis=2)
-    return np.asarray(problem.whitening[rows] @ motion[:, : problem.measured.components])
+    zeros = point.model.kinematics.command_jacobian(problem.measured.q[rows], point.poses[rows])
+    frame = np.zeros((*zeros.shape[:2], 6))
+    frame[:, :6] = frame_motions(point.poses[rows].T - np.median(point.poses.T, axis=0))
+    moved = problem.columns(point, FRAME_UNIT * np.concatenate([frame, zeros], axis=2), rows)
+    moved[~in_robot_frame(problem)[rows], :, :6] = 0.0
+    return moved
+
+
+def in_robot_frame(problem: Problem) -> Mask:
+    """(N,) True for the rows of trackers that are assumed to measure in the robot's own frame."""
+    rows = problem.measured.rows
+    if problem.measured.tracked:
+        return np.full(len(rows), not problem.free_frame)
+    known = [isinstance(table, TrackerTable) and table.frame == "robot" for table in rows.tables]
+    return np.asarray(np.array(known)[rows.of])

@@ -15,7 +15,7 @@ from gtpin.calibration.checks import limits
 from gtpin.calibration.fit_state import FitState
 from gtpin.data import Dataset
 from gtpin.errors import ConvergenceError, DatasetError, warn
-from gtpin.model.departures import with_zeros
+from gtpin.model.departures import ParameterOrZero, with_zeros
 from gtpin.typing import Floats, Mask
 
 Size = tuple[float, float]
@@ -92,14 +92,14 @@ def far_from_declared(values: Floats, names: Sequence[str], unit: str) -> str:
     return ", ".join(f"{names[i]} ({values[i]:+.0f} {unit})" for i in order[: limits.NAMED]) + more
 
 
-def warn_of_far_parameters(settled: FitState, anywhere: Mask | bool = False) -> bool:
+def warn_of_far_parameters(settled: FitState, anywhere: Mask | bool = False) -> None:
     """Warn of the geometry's parameters that are far from nominal; of joints whose zero explains it, by the zero.
 
-    ``anywhere``: (p,) parameters that may have any value. Returns whether there was a warning.
+    ``anywhere``: (p,) parameters that may have any value.
     """
     fitted, far = settled.fit.point.model.geometry, np.where(anywhere, 0.0, settled.deviation)
     if not far_from_declared(far, fitted.names, "tolerances"):
-        return False
+        return
     zeros, values = zeros_off(settled), dict.fromkeys(fitted.names, 0.0)
     if zeros:  # what they do not explain
         size = dict(zip(fitted.names, settled.geometry.tolerance, strict=True))
@@ -114,19 +114,22 @@ def warn_of_far_parameters(settled: FitState, anywhere: Mask | bool = False) -> 
             f"let the data alone determine it (gtpin calibrate --free '{farthest}'), or write its tolerance under [tolerance] "
             "in dataset.toml"
         )
-    return True
 
 
 def zeros_off(settled: FitState) -> str:
     """The zeros of joints that are off by more than the tolerances explain, in words; empty where there is none."""
     found = []
-    for one in with_zeros(settled.fit.point.model.geometry, _covariance(settled)):
-        if one.beyond:
-            factor, unit = (180.0 / np.pi, "deg") if one.unit == "rad" else (1e3, "mm")
-            digits = max(0, 1 - int(np.floor(np.log10(factor * one.sigma))))
-            size = f"{factor * one.value:+.{digits}f} +- {factor * one.sigma:.{digits}f} {unit}"
-            found.append(f"zero of {one.name.removeprefix('zero[')[:-1]} {size}")
+    for one in zeros_beyond(settled):
+        factor, unit = (180.0 / np.pi, "deg") if one.unit == "rad" else (1e3, "mm")
+        digits = max(0, 1 - int(np.floor(np.log10(factor * one.sigma))))
+        size = f"{factor * one.value:+.{digits}f} +- {factor * one.sigma:.{digits}f} {unit}"
+        found.append(f"zero of {one.name.removeprefix('zero[')[:-1]} {size}")
     return ", ".join(found)
+
+
+def zeros_beyond(settled: FitState) -> list[ParameterOrZero]:
+    """The zeros of joints that are off by more than the tolerances explain."""
+    return [one for one in with_zeros(settled.fit.point.model.geometry, _covariance(settled)) if one.beyond]
 
 
 def _covariance(settled: FitState) -> Floats:

@@ -1,0 +1,153 @@
+"""A machine that contradicts its tolerances is admitted, and said, whatever instrument measured it."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+from scipy.spatial.transform import Rotation
+from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, Gantry, Machine, commands, draw, measured
+from virtual_instruments import Seen, read
+
+import gtpin
+from gtpin.output.shown import present
+
+TARGET = (0.02, -0.03, 0.06)
+"""Where the reflector sits, TCP frame, m."""
+VIEW = (Rotation.from_rotvec([0.1, -0.05, 0.8]), np.array([4.0, 2.0, 0.5]))
+pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+Measure = Callable[[Machine, np.random.Generator, Path], gtpin.Dataset]
+
+
+def by_schema_1(machine: Machine, rng: np.random.Generator, _: Path) -> gtpin.Dataset:
+    """Poses of the TCP."""
+    return measured(machine, commands(rng, 110), rng)
+
+
+def turning(rng: np.random.Generator) -> np.ndarray:
+    """Commands at which the platform turns by tenths of a radian, so that they tell a target off the TCP from a moved frame."""
+    q = rng.uniform(-0.55, 0.6, (600, 3))
+    return q[np.ptp(q, axis=1) < 0.7][:150]
+
+
+def by_schema_2(
+    machine: Machine, rng: np.random.Generator, folder: Path, q: np.ndarray | None = None, **said: object
+) -> gtpin.Dataset:
+    """Poses of a reflector off the TCP, whose place is declared, unless ``said`` otherwise."""
+    q = commands(rng, 110) if q is None else q
+    T, turn = machine.seen(q)
+    T = T + turn.apply(TARGET) + POSITION_SIGMA * rng.standard_normal(T.shape)
+    turn = Rotation.from_rotvec(ORIENTATION_SIGMA * rng.standard_normal(T.shape)) * turn
+    columns = dict(zip("xyz", T.T, strict=True)) | dict(
+        zip(("qw", "qx", "qy", "qz"), turn.as_quat(scalar_first=True).T, strict=True)
+    )
+    section = {"name": "tracker", "kind": "tracker", "target": list(TARGET)} | {
+        "position_sigma": POSITION_SIGMA,
+        "orientation_sigma": ORIENTATION_SIGMA,
+        "frame": "robot" if machine.view is None else "free",
+    }
+    return read(folder, Seen(section, q, columns).saying(**said))
+
+
+def off(rng: np.random.Generator, more: dict[str, float], *, free: bool) -> Machine:
+    """A machine within half its tolerances, but for some parameters that are off by so much more."""
+    deviations = {name: 0.5 * value for name, value in draw(rng).deviations.items()}
+    deviations |= {name: deviations[name] + value for name, value in more.items()}
+    return Machine(Gantry.nominal().off(deviations), deviations, VIEW if free else None)
+
+
+def error(found: gtpin.Calibration, machine: Machine, name: str) -> float:
+    """Of a parameter, in units of its own sigma."""
+    nominal = next(p.nominal for p in found.model.geometry.parameters if p.name == name)
+    return float((found[name].value - nominal - machine.deviations[name]) / found[name].sigma)
+
+
+@pytest.mark.parametrize("seed", [3, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 8))])
+@pytest.mark.parametrize("measure", [by_schema_1, by_schema_2])
+def test_a_rod_twelve_millimetres_too_long_is_geometry_alone(measure: Measure, seed: int, tmp_path: Path):
+    rng = np.random.default_rng(seed)
+    machine = off(rng, {"length[2b]": 0.012}, free=True)
+    found = gtpin.diagnose(measure(machine, rng, tmp_path))
+    assert found.verdict == "none"
+    assert any("tolerances are widened" in text for text in found.warnings)
+    assert found.baseline.doubt == ""
+    assert abs(error(found.baseline, machine, "length[2b]")) < 4.0
+
+
+@pytest.mark.parametrize("measure", [by_schema_1, by_schema_2])
+def test_a_zero_that_is_off_is_admitted_in_all_joints_of_its_cart(measure: Measure, tmp_path: Path):
+    rng = np.random.default_rng(5)
+    axis = Gantry.nominal().v[3]
+    zero = {f"cart_joint[{rod}].{x}": 0.02 * axis[i] for rod in ("3a", "3b", "3c") for i, x in enumerate("xyz")}
+    machine = off(rng, zero, free=False)
+    found = gtpin.calibrate(measure(machine, rng, tmp_path))
+    assert any("zero of cart3" in text and "widened" in text for text in found.warnings)
+    assert found.doubt == ""
+    assert max(abs(error(found, machine, name)) for name in zero) < 4.0
+
+
+def test_a_tracker_that_stands_elsewhere_than_declared_is_fitted_as_free_in_schema_2_too(tmp_path: Path):
+    rng = np.random.default_rng(6)
+    machine = off(rng, {}, free=True)
+    machine = Machine(machine.gantry, machine.deviations, (Rotation.identity(), np.array([0.0, 0.008, 0.0])))
+    found = gtpin.calibrate(by_schema_2(machine, rng, tmp_path, frame="robot"))
+    assert any('write frame = "free"' in text for text in found.warnings)
+    assert found.unknown("tracker.frame.y").value == pytest.approx(0.008, abs=0.003)
+    assert found.by_instrument[0].after < 1.1 * found.by_instrument[0].floor
+    errors = [error(found, machine, name) for name in machine.deviations]
+    assert np.abs(errors).max() < 4.5
+
+
+def in_schema_1(folder: Path, target: tuple[float, ...] | None) -> gtpin.Dataset:
+    """The same readings as the poses of a dataset of schema 1, with or without the place of the reflector."""
+    toml = tomllib.loads((folder / "dataset.toml").read_text())
+    section = {key: value for key, value in toml["instrument"][0].items() if key not in ("name", "kind", "target")}
+    section |= {} if target is None else {"target": list(target)}
+    (folder / "dataset.toml").write_text(tomli_w.dumps(toml | {"schema": "gtpin-dataset/1", "instrument": section}))
+    (folder / "tracker.csv").rename(folder / "poses.csv")
+    return gtpin.Dataset.read(folder)
+
+
+@pytest.mark.parametrize("schema", [1, 2])
+@pytest.mark.parametrize(("free", "more"), [(False, {}), (True, {"length[2b]": 0.012}), (False, {"length[2b]": 0.012})])
+@pytest.mark.parametrize("seed", [11, pytest.param(12, marks=pytest.mark.slow)])
+def test_a_reflector_off_the_tcp_that_nobody_declared_is_said_first(
+    schema: int, free: bool, more: dict[str, float], seed: int, tmp_path: Path
+):
+    rng = np.random.default_rng(seed)
+    data = by_schema_2(off(rng, more, free=free), rng, tmp_path, turning(rng), target=None)
+    found = gtpin.calibrate(data if schema == 2 else in_schema_1(tmp_path, None))
+    told = re.search(r"write target = \[(.*?)\] under", found.warnings[0])
+    assert told is not None
+    assert np.abs(np.array(told[1].split(","), dtype=float) - TARGET).max() < 5e-3
+    first = present(found).lead
+    assert (first.badge, first.tone) == ("geometry in doubt", "warn")
+    assert first.content == []
+    assert not any("zero of" in text or "tolerances from nominal" in text for text in found.warnings)
+
+
+def test_a_diagnosis_of_an_undeclared_reflector_lists_no_parameters_as_found(tmp_path: Path):
+    rng = np.random.default_rng(13)
+    by_schema_2(off(rng, {}, free=False), rng, tmp_path, turning(rng))
+    found = gtpin.diagnose(in_schema_1(tmp_path, None))
+    assert "write target" in found.warnings[0]
+    first = present(found).lead
+    assert first.headline.startswith("The geometry is in doubt")
+    assert "write target" in first.advice[0]
+    assert not any("change from nominal" in table.head for table in first.content)
+
+
+def test_schema_1_takes_the_place_of_the_reflector(tmp_path: Path):
+    rng = np.random.default_rng(14)
+    machine = off(rng, {}, free=True)
+    second = gtpin.calibrate(by_schema_2(machine, rng, tmp_path))
+    first = gtpin.calibrate(in_schema_1(tmp_path, TARGET))
+    assert first.values == pytest.approx(second.values, abs=1e-12)
+    assert first.warnings == second.warnings
+    first.dataset.write(tmp_path / "again")
+    assert gtpin.calibrate(gtpin.Dataset.read(tmp_path / "again")).values == pytest.approx(second.values, abs=1e-12)
