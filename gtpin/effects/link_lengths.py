@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtpin.effects.chain_motions import beam, bending, lengthened, of_tips, tip_loads, torsion
+from gtpin.effects.chain_motions import beam, bending, lengthened, load_frame, of_tips, tip_loads, torsion
 from gtpin.effects.displacement import Displacement, along_track, of_lengths, rods_of
 from gtpin.effects.effect import ChainWords, Effect, ParameterRange, Parameters, unit
 from gtpin.effects.joints import loaded, no_load
@@ -130,7 +130,7 @@ def _of_beams(at: OperatingPoints, site: str) -> Displacement:
     twists = []
     for link in links_at(at.robot, site):
         length, loads = beam(at, link), tip_loads(at, link)
-        mean, spread = (values[link.tip] for values in at.references.joints)
+        mean, spread = (values[load_frame(at.robot, link)] for values in at.references.joints)
         usual = max(float(np.linalg.norm(mean[:3]) + np.linalg.norm(spread[:3])), 1e-9)
         bent = bending(length, loads)
         harder = np.linalg.norm(loads[:, :3], axis=1, keepdims=True) / usual - 1.0
@@ -152,8 +152,8 @@ class ThermalLinks(Effect):
 
     L is the link's length, m, and dL its change. The reference is the dataset's ``reference_temperature``, degC. The
     modulation: alpha changes with time, because the sensor does not measure the link itself, and with the temperature
-    difference. At ``arm`` each link differs a little from the others. A link of a robot without rods expands along the line
-    from its joint to the next joint.
+    difference. At ``arm`` each link differs a little from the others. A link of a robot without rods, also one that only loops
+    move, expands in proportion: the joints, the TCP and the anchors of loops on it move away from its own joint.
 
     Parameters: ``expansion`` alpha, 1/K, at ``arm`` the mean of all links; at ``arm`` ``spread``: the standard deviation of
     alpha between the links, 1/K.
