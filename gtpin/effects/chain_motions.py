@@ -111,7 +111,9 @@ def of_tips(at: OperatingPoints, site: str, twists: list[Floats], sigma: Floats)
     """
     moved = []
     for link, twist in zip(links_at(at.robot, site), twists, strict=True):
-        moved += [(end, from_end(at, link.tip, end) @ target_at(at, link.tip).actionInverse @ twist) for end in link.ends]
+        moved += [
+            (end, from_end(at, link.tip, end) @ target_at(at, link.tip).actionInverse @ twist) for end in link.ends
+        ]
     return Displacement(sigma, placements=tuple(moved))
 
 
@@ -180,7 +182,7 @@ weight distributed along the length l: (w l^4 / 8) / (w l l^3 / 3)."""
 
 
 def load_frame(robot: Chain, link: MovingLink) -> int:
-    """Index of the frame whose load (``Loads.joints``) a link bears: of its tip; of its own joint where its tip is an anchor."""
+    """Index of the frame with the load (``Loads.joints``) on a link: its tip; its own joint where the tip is an anchor."""
     return link.tip if link.tip <= frame_of_tcp(robot) else frame_of_joint(link.joint_id)
 
 

@@ -121,7 +121,7 @@ def measured_link(robot: ConstrainedModel, name: str) -> MeasuredLink:
 
 
 SHORTEST = 1e-3
-"""Distance of what is on a link from the link's own joint, m, below which both are one point, as where the axes of a wrist meet."""
+"""Distance of an end of a link from the link's own joint, m, below which both are one point, as in a wrist whose axes meet."""
 
 
 @dataclass(frozen=True)
@@ -143,10 +143,10 @@ class MovingLink:
 
 
 def moving_links(robot: Chain) -> tuple[MovingLink, ...]:
-    """The links of the actuated joints, in the joints' order, of those that carry the TCP and follow one of them, and of a robot
-    without rods those of the other joints of its loops, except for links without length.
+    """The links of the actuated joints, in the joints' order, and of the joints that carry the TCP and follow one of them.
 
-    Those without a joint, TCP or anchor beyond them are left out.
+    Of a robot without rods also those of the other joints of its loops, except for links without length. Links that carry
+    nothing, no joint, TCP or anchor, are left out.
     """
     model, names = robot.model, dict[int, str]()
     for frame in model.frames:
@@ -169,7 +169,7 @@ def moving_links(robot: Chain) -> tuple[MovingLink, ...]:
 
 
 def _ends(robot: ConstrainedModel, joint_id: int, bearing: Collection[int]) -> list[int]:
-    """Indices of the frames on a joint's link that carry the TCP or an anchor, the tip first; of other joints if there is none."""
+    """Indices of the frames on a joint's link that bear the TCP or an anchor, the tip first; of another joint if none does."""
     model, way = robot.model, [int(joint) for joint in robot.model.supports[robot.tcp_joint]]
     children = sorted((j for j in range(1, model.njoints) if model.parents[j] == joint_id), key=lambda j: j not in way)
     tcp = [frame_of_tcp(robot)] if joint_id == robot.tcp_joint else []
@@ -179,7 +179,7 @@ def _ends(robot: ConstrainedModel, joint_id: int, bearing: Collection[int]) -> l
 
 
 def on_link(robot: ConstrainedModel, end: int) -> pin.SE3:
-    """Placement of a frame of the nominal robot, by its index, on the link that carries it: relative to the link's own joint."""
+    """Placement of a frame, by its index, on its link, relative to the link's own joint; of the nominal robot."""
     tcp = frame_of_tcp(robot)
     if end < tcp:
         return robot.model.jointPlacements[end + 1]
