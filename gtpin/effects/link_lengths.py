@@ -15,7 +15,7 @@ from gtpin.effects.joints import loaded, no_load
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import arm_and_links, links, links_at, loaded_along
-from gtpin.effects.smooth import approach, drive_sizes, loads_of, wave
+from gtpin.effects.smooth import approach, drive_sizes, flexibility, loads_of, wave
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
@@ -55,8 +55,8 @@ class LinkCompliance(Effect):
     product: between robots of one shape and material both E I and the product grow with the fourth power of the size.
 
     Typical size of ``compliance`` 4e-8 m/N (25 N/um). A steel tube of 2.04 m and 5 cm^2 has L / (E A) = 2.04 / (210e9 *
-    5e-4) = 1.9e-8 m/N; the rest, for two ball joints, is a guess. The attribute ``link`` of ``<compliance>`` in the
-    URDF gives another size.
+    5e-4) = 1.9e-8 m/N; the rest, for two ball joints, is a guess. Where the usual force of the rods is below 60 N, the size is
+    larger in inverse proportion. The attribute ``link`` of ``<compliance>`` in the URDF gives another size.
     """
 
     id = "link_compliance"
@@ -99,7 +99,7 @@ class LinkCompliance(Effect):
         if None not in legs:
             columns.append(force * at.travel[:, legs.astype(int)])
             sizes.append(MODULATION.extension)
-        return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, at.robot.description.link_compliance))
+        return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, _compliance(at)))
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         own = coefficients[4 : 4 + LINKS] if len(coefficients) >= 4 + LINKS else coefficients[:0]
@@ -117,6 +117,16 @@ class LinkCompliance(Effect):
         if links(robot):
             return self.parameters(coefficients, shape_parameter)
         return {name: (float(c), "1/(N m^2)") for name, c in zip(BEAM, coefficients, strict=False)}
+
+
+COMPLIANCE = 4e-8
+"""Typical compliance of a rod of a heavy machine, m/N: see :class:`LinkCompliance`."""
+
+
+def _compliance(at: OperatingPoints) -> float:
+    """Typical compliance of a robot's rods, m/N: that of its URDF, where given."""
+    given = at.robot.description.link_compliance
+    return COMPLIANCE * flexibility(at) if given is None else given
 
 
 FLEXIBILITY, MEDIUM = 1e-5, 15.0
