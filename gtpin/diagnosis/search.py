@@ -9,7 +9,7 @@ with kappa_k of :meth:`HypothesisSet.costs`. The search adds, exchanges and remo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cached_property
 from typing import NamedTuple, TypeVar
@@ -115,8 +115,8 @@ class HypothesisSet:
         self._scans: dict[Hypothesis, Scan] = {}
         self.models_with_lines: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Posterior[Term]] = {}
         """Models with all lines of a periodic error, by terms and scales of the model without the error, and its first line."""
-        self.searches: dict[tuple[Term, tuple[Term, ...], int], Posterior[Term]] = {}
-        """Models of earlier searches: by first term, allowed terms, and number of terms."""
+        self.searches: dict[tuple[tuple[Term, ...], tuple[Term, ...], int], Posterior[Term]] = {}
+        """Models of earlier searches: by first terms, allowed terms, and number of terms."""
         self._gains: dict[tuple[tuple[Term, ...], tuple[float, ...]], dict[Term, Gain]] = {}
         self._costs: dict[tuple[Term, ...], tuple[float, ...]] = {}
 
@@ -347,7 +347,9 @@ def search(
 
     ``terms``: the terms that the model can have. ``alone``: gain in log evidence of each as the only one.
     ``beginnings``: number of first terms that are tried. ``start``: a model of these hypotheses that is extended first. If it
-    then has more than ``MOST_TERMS`` terms, no other first term is tried.
+    then has more than ``MOST_TERMS`` terms, no other first term is tried. At last an effect at all actuators is tried, where
+    this explains more than the best model: actuators of one build have the same weakness, and the first step from one of them
+    alone can lead to a term that imitates all.
     """
     largest = MOST_TERMS + hypotheses.design.operating_points.robot.n_actuators if hypotheses.long else MOST_TERMS
     terms = _with_room(hypotheses, NOTHING, terms)
@@ -360,14 +362,36 @@ def search(
             break
         if term in taken:
             continue
-        first = alone[term].term
+        first = (alone[term].term,)
         if (key := (first, tuple(terms), largest)) not in hypotheses.searches:
-            hypotheses.searches[key] = _extend(hypotheses, hypotheses.extended(NOTHING, first), terms, largest, passed)
+            hypotheses.searches[key] = _extend(hypotheses, hypotheses.of(first, (1.0,)), terms, largest, passed)
         larger = hypotheses.searches[key]
         if hypotheses.log_posterior(larger) > hypotheses.log_posterior(best):
             best = larger
             taken = {hypotheses.without_value(t) for t in best.terms}
+    for alike in _at_all_actuators(hypotheses, terms, alone):
+        if (key := (alike, tuple(terms), largest)) not in hypotheses.searches:
+            larger = hypotheses.of(alike, [1.0] * len(alike))
+            if hypotheses.log_posterior(larger) > hypotheses.log_posterior(best):
+                larger = _extend(hypotheses, _pruned(hypotheses, larger), terms, largest, passed)
+            hypotheses.searches[key] = larger
+        best = max(best, hypotheses.searches[key], key=hypotheses.log_posterior)
     return best
+
+
+def _at_all_actuators(
+    hypotheses: HypothesisSet, terms: Sequence[Term], alone: Mapping[Term, Gain]
+) -> Iterator[tuple[Term, ...]]:
+    """By effect, the hypotheses at actuators that each could be the only term, where there are several.
+
+    Not of robots without rods, whose models are long.
+    """
+    known, sites = set(terms), hypotheses.design.operating_points.robot.sites
+    found: dict[str, list[Hypothesis]] = {}
+    for term in () if hypotheses.long else hypotheses.linear:
+        if term in known and term.site in sites and alone[term].value > hypotheses.cost(term):
+            found.setdefault(term.effect.id, []).append(term)
+    yield from (tuple(alike) for alike in found.values() if len(alike) > 1)
 
 
 def _extend(
