@@ -198,8 +198,8 @@ class CartCompliance(Effect):
 
     Typical sizes: ``along`` 5e-8 m/N (20 N/um), ``across_a`` and ``across_b`` 3e-8 m/N, ``roll``, ``tip_a`` and
     ``tip_b`` 5e-7 rad/(N m): guesses for rack, gear and servo in series with a stiffer carriage. Dressler et al. 2010,
-    section V, assumes a lack of stiffness of cart 2. Where the usual force of the rods is below 60 N, as on machines with belts,
-    the sizes are larger in inverse proportion.
+    section V, assumes a lack of stiffness of cart 2. Where the usual force of the rods is below 60 N, the sizes are larger in
+    inverse proportion: light machines have belts.
     """
 
     id = "cart_compliance"
