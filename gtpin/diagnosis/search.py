@@ -196,13 +196,14 @@ class HypothesisSet:
 
         with a(j) the gain of j as the only term. All but the second are log prior odds. The second is a penalty by the data's
         own evidence: no machine follows an equation exactly, and a false second term could gain what the stronger one leaves.
+        On a robot with rods, the effect of a stronger term at another actuator is no further cause: ``third`` does not apply.
         """
         templates = tuple(self.without_value(term) for term in terms)
         if templates not in self._costs:
             alone, found = {term: self.alone(term) for term in templates}, []
             for term in templates:
                 stronger = [self.share(term, t) * alone[t] for t in templates if alone[t] > alone[term]]
-                third = self.priors.third if len(stronger) > 1 else 0.0
+                third = self.priors.third if len(stronger) > 1 and not self._again(term, templates, alone) else 0.0
                 found.append(self.cost(term) + max(stronger, default=0.0) + third)
             self._costs[templates] = tuple(found)
         lines = (len(term.further) if isinstance(term, Hypothesis) else 0 for term in terms)
@@ -210,6 +211,12 @@ class HypothesisSet:
             term: cost + self.priors.line * more
             for term, cost, more in zip(terms, self._costs[templates], lines, strict=True)
         }
+
+    def _again(self, term: Term, terms: Sequence[Term], alone: Mapping[Term, float]) -> bool:
+        """Whether a term is a stronger one's effect at another actuator of a robot with rods, whose drives have one build."""
+        sites, mine = self.design.operating_points.robot.sites, isinstance(term, Hypothesis) and not self.long
+        stronger = (t for t in terms if isinstance(t, Hypothesis) and alone[t] > alone[term])
+        return mine and term.site in sites and any(t.effect is term.effect and t.site in sites for t in stronger)
 
     def alone(self, term: Term) -> float:
         """Gain in log evidence of a term as the only one, with the best value of its nonlinear parameter."""
@@ -348,8 +355,8 @@ def search(
     ``terms``: the terms that the model can have. ``alone``: gain in log evidence of each as the only one.
     ``beginnings``: number of first terms that are tried. ``start``: a model of these hypotheses that is extended first. If it
     then has more than ``MOST_TERMS`` terms, no other first term is tried. At last an effect at all actuators is tried, where
-    this explains more than the best model: actuators of one build have the same weakness, and the first step from one of them
-    alone can lead to a term that imitates all.
+    this explains more than each term alone: actuators of one build have the same weakness, and the first step from one of them
+    can lead to a term that imitates all.
     """
     largest = MOST_TERMS + hypotheses.design.operating_points.robot.n_actuators if hypotheses.long else MOST_TERMS
     terms = _with_room(hypotheses, NOTHING, terms)
@@ -372,7 +379,7 @@ def search(
     for alike in _at_all_actuators(hypotheses, terms, alone):
         if (key := (alike, tuple(terms), largest)) not in hypotheses.searches:
             larger = hypotheses.of(alike, [1.0] * len(alike))
-            if hypotheses.log_posterior(larger) > hypotheses.log_posterior(best):
+            if hypotheses.log_posterior(larger) > alone[order[0]].value - hypotheses.cost(order[0]):
                 larger = _extend(hypotheses, _pruned(hypotheses, larger), terms, largest, passed)
             hypotheses.searches[key] = larger
         best = max(best, hypotheses.searches[key], key=hypotheses.log_posterior)
