@@ -214,9 +214,11 @@ class HypothesisSet:
 
     def _again(self, term: Term, terms: Sequence[Term], alone: Mapping[Term, float]) -> bool:
         """Whether a term is a stronger one's effect at another actuator of a robot with rods, whose drives have one build."""
-        sites, mine = self.design.operating_points.robot.sites, isinstance(term, Hypothesis) and not self.long
+        sites = self.design.operating_points.robot.sites
+        if self.long or not isinstance(term, Hypothesis) or term.site not in sites:
+            return False
         stronger = (t for t in terms if isinstance(t, Hypothesis) and alone[t] > alone[term])
-        return mine and term.site in sites and any(t.effect is term.effect and t.site in sites for t in stronger)
+        return any(t.effect is term.effect and t.site in sites for t in stronger)
 
     def alone(self, term: Term) -> float:
         """Gain in log evidence of a term as the only one, with the best value of its nonlinear parameter."""
@@ -377,12 +379,13 @@ def search(
             best = larger
             taken = {hypotheses.without_value(t) for t in best.terms}
     for alike in _at_all_actuators(hypotheses, terms, alone):
-        if (key := (alike, tuple(terms), largest)) not in hypotheses.searches:
+        every = (alike, tuple(terms), largest)
+        if every not in hypotheses.searches:
             larger = hypotheses.of(alike, [1.0] * len(alike))
             if hypotheses.log_posterior(larger) > alone[order[0]].value - hypotheses.cost(order[0]):
                 larger = _extend(hypotheses, _pruned(hypotheses, larger), terms, largest, passed)
-            hypotheses.searches[key] = larger
-        best = max(best, hypotheses.searches[key], key=hypotheses.log_posterior)
+            hypotheses.searches[every] = larger
+        best = max(best, hypotheses.searches[every], key=hypotheses.log_posterior)
     return best
 
 
