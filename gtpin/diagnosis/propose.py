@@ -45,11 +45,13 @@ def propose(design: Design, scope: Scope, *, changes: bool = False) -> Hypothesi
         many = not changes and reason is None and len(effect.nonlinear_values(at, site)) > 0
         basis = hypothesis.checked(at) if reason is None else None
         if basis is not None and not many:
-            # Whether geometry or uncertainty of the model absorb nearly all even of many times the typical size.
+            # Whether even many times the typical size does not show: geometry or uncertainty absorb it, or it is small.
             X = design.columns(basis) * scope.priors.large
-            if float((X**2).sum() - (marginal.half(X) ** 2).sum()) <= scope.priors.shows:
+            whole = float((X**2).sum())
+            if (left := whole - float((marginal.half(X) ** 2).sum())) <= scope.priors.shows:
                 framed = any(design.measured.rows.stations) and "session" in effect.covariates(at.robot, site)
-                reason = Untestable("uncertain" if changes else "stations" if framed else "absorbed")
+                hidden = Untestable("absorbed" if left <= scope.priors.leaves * whole else "small")
+                reason = Untestable("uncertain") if changes else Untestable("stations") if framed else hidden
         if reason:
             untested.append(Untested(hypothesis, reason))
         else:

@@ -9,7 +9,7 @@ with kappa_k of :meth:`HypothesisSet.costs`. The search adds, exchanges and remo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cached_property
 from typing import NamedTuple, TypeVar
@@ -115,8 +115,8 @@ class HypothesisSet:
         self._scans: dict[Hypothesis, Scan] = {}
         self.models_with_lines: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Posterior[Term]] = {}
         """Models with all lines of a periodic error, by terms and scales of the model without the error, and its first line."""
-        self.searches: dict[tuple[Term, tuple[Term, ...], int], Posterior[Term]] = {}
-        """Models of earlier searches: by first term, allowed terms, and number of terms."""
+        self.searches: dict[tuple[tuple[Term, ...], tuple[Term, ...], int], Posterior[Term]] = {}
+        """Models of earlier searches: by first terms, allowed terms, and number of terms."""
         self._gains: dict[tuple[tuple[Term, ...], tuple[float, ...]], dict[Term, Gain]] = {}
         self._costs: dict[tuple[Term, ...], tuple[float, ...]] = {}
 
@@ -196,13 +196,14 @@ class HypothesisSet:
 
         with a(j) the gain of j as the only term. All but the second are log prior odds. The second is a penalty by the data's
         own evidence: no machine follows an equation exactly, and a false second term could gain what the stronger one leaves.
+        On a robot with rods, the effect of a stronger term at another actuator is no further cause: ``third`` does not apply.
         """
         templates = tuple(self.without_value(term) for term in terms)
         if templates not in self._costs:
             alone, found = {term: self.alone(term) for term in templates}, []
             for term in templates:
                 stronger = [self.share(term, t) * alone[t] for t in templates if alone[t] > alone[term]]
-                third = self.priors.third if len(stronger) > 1 else 0.0
+                third = self.priors.third if len(stronger) > 1 and not self._again(term, templates, alone) else 0.0
                 found.append(self.cost(term) + max(stronger, default=0.0) + third)
             self._costs[templates] = tuple(found)
         lines = (len(term.further) if isinstance(term, Hypothesis) else 0 for term in terms)
@@ -210,6 +211,14 @@ class HypothesisSet:
             term: cost + self.priors.line * more
             for term, cost, more in zip(terms, self._costs[templates], lines, strict=True)
         }
+
+    def _again(self, term: Term, terms: Sequence[Term], alone: Mapping[Term, float]) -> bool:
+        """Whether a term is a stronger one's effect at another actuator of a robot with rods, whose drives have one build."""
+        sites = self.design.operating_points.robot.sites
+        if self.long or not isinstance(term, Hypothesis) or term.site not in sites:
+            return False
+        stronger = (t for t in terms if isinstance(t, Hypothesis) and alone[t] > alone[term])
+        return any(t.effect is term.effect and t.site in sites for t in stronger)
 
     def alone(self, term: Term) -> float:
         """Gain in log evidence of a term as the only one, with the best value of its nonlinear parameter."""
@@ -347,7 +356,9 @@ def search(
 
     ``terms``: the terms that the model can have. ``alone``: gain in log evidence of each as the only one.
     ``beginnings``: number of first terms that are tried. ``start``: a model of these hypotheses that is extended first. If it
-    then has more than ``MOST_TERMS`` terms, no other first term is tried.
+    then has more than ``MOST_TERMS`` terms, no other first term is tried. At last an effect at all actuators is tried, where
+    this explains more than each term alone: actuators of one build have the same weakness, and the first step from one of them
+    can lead to a term that imitates all.
     """
     largest = MOST_TERMS + hypotheses.design.operating_points.robot.n_actuators if hypotheses.long else MOST_TERMS
     terms = _with_room(hypotheses, NOTHING, terms)
@@ -360,14 +371,37 @@ def search(
             break
         if term in taken:
             continue
-        first = alone[term].term
+        first = (alone[term].term,)
         if (key := (first, tuple(terms), largest)) not in hypotheses.searches:
-            hypotheses.searches[key] = _extend(hypotheses, hypotheses.extended(NOTHING, first), terms, largest, passed)
+            hypotheses.searches[key] = _extend(hypotheses, hypotheses.of(first, (1.0,)), terms, largest, passed)
         larger = hypotheses.searches[key]
         if hypotheses.log_posterior(larger) > hypotheses.log_posterior(best):
             best = larger
             taken = {hypotheses.without_value(t) for t in best.terms}
+    for alike in _at_all_actuators(hypotheses, terms, alone):
+        every = (alike, tuple(terms), largest)
+        if every not in hypotheses.searches:
+            larger = hypotheses.of(alike, [1.0] * len(alike))
+            if hypotheses.log_posterior(larger) > alone[order[0]].value - hypotheses.cost(order[0]):
+                larger = _extend(hypotheses, _pruned(hypotheses, larger), terms, largest, passed)
+            hypotheses.searches[every] = larger
+        best = max(best, hypotheses.searches[every], key=hypotheses.log_posterior)
     return best
+
+
+def _at_all_actuators(
+    hypotheses: HypothesisSet, terms: Sequence[Term], alone: Mapping[Term, Gain]
+) -> Iterator[tuple[Term, ...]]:
+    """By effect, the hypotheses at actuators that each could be the only term, where there are several.
+
+    Not of robots without rods, whose models are long.
+    """
+    known, sites = set(terms), hypotheses.design.operating_points.robot.sites
+    found: dict[str, list[Hypothesis]] = {}
+    for term in () if hypotheses.long else hypotheses.linear:
+        if term in known and term.site in sites and alone[term].value > hypotheses.cost(term):
+            found.setdefault(term.effect.id, []).append(term)
+    yield from (tuple(alike) for alike in found.values() if len(alike) > 1)
 
 
 def _extend(

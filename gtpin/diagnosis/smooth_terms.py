@@ -21,7 +21,7 @@ import numpy as np
 
 from gtpin.diagnosis.hypothesis import SmoothTerm
 from gtpin.diagnosis.priors import Priors
-from gtpin.effects.chain_motions import joint_frame, lengthened, of_joint, of_tips
+from gtpin.effects.chain_motions import joint_frame, lengthened, load_frame, of_joint, of_tips
 from gtpin.effects.displacement import Displacement, along_track, of_lengths, rods_of
 from gtpin.effects.joints import loaded
 from gtpin.effects.measurement import DRIFT_DECAY, DRIFT_ORDERS
@@ -38,6 +38,7 @@ from gtpin.effects.smooth import (
     target_twist,
     wave,
 )
+from gtpin.robot.chain import MovingLink
 from gtpin.typing import Floats
 
 Terms = Iterator[tuple[SmoothTerm, Displacement]]
@@ -113,7 +114,7 @@ def _of_links(at: OperatingPoints, priors: Priors) -> Terms:
     rods = at.robot.rod_sites
     motion, names = ("length", rods) if rods else ("tip", tuple(link.name for link in links_at(at.robot, "arm")))
     for k, name in enumerate(names):
-        own = _of_rod(at, k) if rods else (*_loads(at, links_at(at.robot, name)[0].tip), *_approach(at))
+        own = _of_rod(at, k) if rods else (*_loads(at, links_at(at.robot, name)[0]), *_approach(at))
         for over, waves, size in (*own, *_conditions(at)):
             yield SmoothTerm(name, over, motion), _changed(at, name, [waves], size, priors)
     for over, waves, size in (*_conditions(at), *_position(at, 2, priors), *_approach(at)):
@@ -216,8 +217,9 @@ def _load(at: OperatingPoints, j: int, orders: int) -> Functions:
         yield ("load",), *cosines(np.clip(drive_load(at, site) / 2.0, -1.5, 1.5), 1, orders, 1.0)
 
 
-def _loads(at: OperatingPoints, index: int) -> Functions:
-    """Functions of the six components of the load at a link's tip, for those that vary."""
+def _loads(at: OperatingPoints, link: MovingLink) -> Functions:
+    """Functions of the six components of the load at a link's tip, for those that vary; at its root if its tip is in a loop."""
+    index = load_frame(at.robot, link)
     mean, spread = (values[index] for values in at.references.joints)
     loads = at.joint_loads[:, index]
     varying = np.flatnonzero(loads.std(axis=0) > 1e-6 * spread)

@@ -11,10 +11,10 @@ from gtpin.effects.displacement import Displacement, of_lengths, rods_of
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import links_at
 from gtpin.kinematics.rotations import skew
-from gtpin.robot.chain import Chain, MovingLink
+from gtpin.robot.chain import SHORTEST, Chain, MovingLink, on_link
 from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.parameters import rotation_axes
-from gtpin.robot.placement_frames import frame_of_joint, frame_of_tcp
+from gtpin.robot.placement_frames import frame_of_joint, frame_of_tcp, shift
 from gtpin.typing import Floats
 
 
@@ -105,90 +105,85 @@ def cart_load(at: OperatingPoints, site: str) -> tuple[Floats, Floats]:
 
 
 def of_tips(at: OperatingPoints, site: str, twists: list[Floats], sigma: Floats) -> Displacement:
-    """Basis of motions (N, 6, m), m and rad, of the tips of a site's links relative to their roots, in the axes of each tip."""
-    found = zip(links_at(at.robot, site), twists, strict=True)
-    carried = [(link, target_at(at, link).actionInverse @ twist) for link, twist in found]
-    if not at.robot.constraints:
-        return Displacement(sigma, placements=tuple((link.tip, twist) for link, twist in carried))
-    # A link of a loop may carry more than one joint, or a loop's anchor. All of them move with the tip, as if the link's own
-    # placement frame moved.
-    own = ((frame_of_joint(link.joint_id), tip_to_joint(at, link) @ twist) for link, twist in carried)
-    return Displacement(sigma, placements=tuple(own))
+    """Basis of motions (N, 6, m), m and rad, of the tips of a site's links relative to their roots, in the axes of each tip.
+
+    All that a link carries moves with its tip, as a rigid body.
+    """
+    moved = []
+    for link, twist in zip(links_at(at.robot, site), twists, strict=True):
+        moved += [
+            (end, from_end(at, link.tip, end) @ target_at(at, link.tip).actionInverse @ twist) for end in link.ends
+        ]
+    return Displacement(sigma, placements=tuple(moved))
 
 
 def lengthened(at: OperatingPoints, site: str, strain: Floats, sigma: Floats) -> Displacement:
     """Basis of the growth of a site's k links: strains (N, k, m), relative to their length, of rods and of other links.
 
-    A rod changes its length. Another link grows along the line from its joint to the next joint.
+    A rod changes its length. Another link grows in proportion from its own joint: all that it carries moves away from there.
     """
     if rods := rods_of(at, site):
         return of_lengths(at, rods, strain * at.length[:, rods, None], sigma)
-    along = (np.concatenate([reach(at, link), np.zeros(3)]) for link in links_at(at.robot, site))
-    return of_tips(at, site, [way[:, None] * strain[:, None, i] for i, way in enumerate(along)], sigma)
+    moved = []
+    for i, link in enumerate(links_at(at.robot, site)):
+        for end in link.ends:
+            way = target_at(at, end).actionInverse @ shift(from_root(at.robot, end))
+            moved.append((end, way[:, None] * strain[:, None, i]))
+    return Displacement(sigma, placements=tuple(moved))
 
 
-def tip_to_joint(at: OperatingPoints, link: MovingLink) -> Floats:
-    """(N, 6, 6) matrices that transform a twist of the frame that ``FrameMotion`` has at a link's tip to the link's placement
-    frame."""
-    R, T = _tip_from_joint(at, link)
-    moved = np.zeros((len(R), 6, 6))
-    moved[:, :3, :3] = moved[:, 3:, 3:] = R
-    moved[:, :3, 3:] = np.cross(T[:, :, None], R, axis=1)
-    return moved
+def from_end(at: OperatingPoints, first: int, end: int) -> Floats:
+    """(6, 6) matrix that transforms a twist of the frame that ``FrameMotion`` has at one end of a link to that at another."""
+    return np.asarray(_placed(at, end).actInv(_placed(at, first)).action)
 
 
-def _tip_from_joint(at: OperatingPoints, link: MovingLink) -> tuple[Floats, Floats]:
-    """(N, 3, 3) and (N, 3), m: the frame that ``FrameMotion`` has at a link's tip, in the link's own placement frame."""
-    (R, T), (R_tip, T_tip) = at.bodies.frame(frame_of_joint(link.joint_id)), at.bodies.frame(link.tip)
-    back = np.swapaxes(R, 1, 2)
-    return back @ R_tip, np.einsum("nij,nj->ni", back, T_tip - T)
+def _placed(at: OperatingPoints, end: int) -> pin.SE3:
+    """Placement, on a link, of the frame that ``FrameMotion`` has at an end of it."""
+    return on_link(at.robot, end) * target_at(at, end)
 
 
-def target_at(at: OperatingPoints, link: MovingLink) -> pin.SE3:
-    """Placement, in the frame of a link's tip, of the frame that ``FrameMotion`` has there: loads and motions refer to it.
+def target_at(at: OperatingPoints, end: int) -> pin.SE3:
+    """Placement, in the frame at the end of a link, of the frame that ``FrameMotion`` has there: loads and motions refer to it.
 
-    It is the identity except for the last link: this ends at the URDF's TCP, and the target can be at another point.
+    It is the identity except for the TCP: the link ends at the URDF's TCP, and the target can be at another point.
     """
     robot = at.robot
-    return robot.load_placement.actInv(at.kinematics.tcp) if link.tip == frame_of_tcp(robot) else pin.SE3.Identity()
+    return robot.load_placement.actInv(at.kinematics.tcp) if end == frame_of_tcp(robot) else pin.SE3.Identity()
 
 
-def _tip(robot: Chain, link: MovingLink, last: pin.SE3) -> pin.SE3:
-    """Placement, on a link, of its tip: of the next joint; ``last`` for the last link."""
-    return last if link.tip == frame_of_tcp(robot) else robot.model.jointPlacements[link.tip + 1]
-
-
-def reach(at: OperatingPoints, link: MovingLink) -> Floats:
-    """(3,) vector from a link's own joint to its tip (the next joint, or the URDF's TCP), in the tip's axes, m."""
-    robot = at.robot
-    placement = _tip(robot, link, robot.load_placement)
+def from_root(robot: Chain, end: int) -> Floats:
+    """(3,) vector from a link's own joint to an end of it (a joint, the URDF's TCP, an anchor), in the end's axes, m."""
+    placement = on_link(robot, end)
     return np.asarray(placement.rotation.T @ placement.translation)
 
 
-POINT = 1e-3
-"""Distance of a link's tip from its own joint, m, below which both are one point, as in a wrist whose axes meet."""
 BODY = 2.0
 """Length of such a link over the distance of its centre of mass from the joints. Derived for a uniform beam that ends there."""
 
 
 def beam(at: OperatingPoints, link: MovingLink) -> Floats:
-    """(3,) l u of the beam that bends and twists, in the axes of the link's tip, m: :func:`reach`.
+    """(3,) l u of the beam that bends and twists, in the axes of the link's tip, m: :func:`from_root`.
 
     A link that turns and whose joints meet in one point has a body all the same. It is a beam along the link's own axis that
     ends in this point, on whose other side the centre of mass is, ``BODY`` times as long as the distance of the centre of mass.
     """
-    length, robot = reach(at, link), at.robot
+    length, robot = from_root(at.robot, link.tip), at.robot
     twist, lever = joint_axis(robot.model, link.joint_id), np.asarray(robot.model.inertias[link.joint_id].lever)
-    if float(np.linalg.norm(length)) >= POINT or not twist[3:].any():
+    if float(np.linalg.norm(length)) >= SHORTEST or not twist[3:].any():
         return length
-    placement = _tip(robot, link, robot.load_placement)
     towards = -1.0 if float(twist[3:] @ lever) > 0.0 else 1.0
-    return np.asarray(placement.rotation.T @ twist[3:]) * towards * BODY * float(np.linalg.norm(lever))
+    along = on_link(robot, link.tip).rotation.T @ twist[3:]
+    return np.asarray(along) * towards * BODY * float(np.linalg.norm(lever))
 
 
 OWN_WEIGHT = 3.0 / 8.0
 """Share of a uniform beam's weight w l that, as a point load at the tip, gives the same deflection of the tip as the whole
 weight distributed along the length l: (w l^4 / 8) / (w l l^3 / 3)."""
+
+
+def load_frame(robot: Chain, link: MovingLink) -> int:
+    """Index of the frame with the load (``Loads.joints``) on a link: its tip; its own joint where the tip is an anchor."""
+    return link.tip if link.tip <= frame_of_tcp(robot) else frame_of_joint(link.joint_id)
 
 
 def tip_loads(at: OperatingPoints, link: MovingLink) -> Floats:
@@ -199,7 +194,7 @@ def tip_loads(at: OperatingPoints, link: MovingLink) -> Floats:
     """
     model = at.robot.model
     weight = OWN_WEIGHT * float(model.inertias[link.joint_id].mass) * model.gravity.linear
-    target = target_at(at, link)
+    target = target_at(at, link.tip)
     carried = _carried(at, link) if at.robot.constraints else at.joint_loads[:, link.tip]
     loads = carried @ target.dualAction.T
     loads[:, :3] += weight @ at.bodies.frame(link.tip)[0] @ target.rotation.T
@@ -212,11 +207,19 @@ def _carried(at: OperatingPoints, link: MovingLink) -> Floats:
     That frame is the one that ``FrameMotion`` has.
     """
     own, inertia = frame_of_joint(link.joint_id), at.robot.model.inertias[link.joint_id]
-    R, T = _tip_from_joint(at, link)
-    centre = T + R @ _tip(at.robot, link, at.kinematics.tcp).actInv(np.array(inertia.lever))
+    (R, T), (R_tip, T_tip) = at.bodies.frame(own), at.bodies.frame(link.tip)
+    back = np.swapaxes(R, 1, 2)
+    R, T = back @ R_tip, np.einsum("nij,nj->ni", back, T_tip - T)  # of the tip, in the link's own placement frame
+    centre = T + R @ _placed(at, link.tip).actInv(np.array(inertia.lever))
     weight = float(inertia.mass) * at.robot.model.gravity.linear @ at.bodies.frame(own)[0]
     loads = at.joint_loads[:, own] - np.concatenate([weight, np.cross(centre, weight)], axis=1)
-    return np.asarray(np.einsum("nij,ni->nj", tip_to_joint(at, link), loads))
+    force = loads[:, :3]
+    return np.concatenate([_turned(R, force), _turned(R, loads[:, 3:] - np.cross(T, force))], axis=1)
+
+
+def _turned(R: Floats, vectors: Floats) -> Floats:
+    """(N, 3) vectors in the axes that are the columns of R (N, 3, 3)."""
+    return np.asarray(np.einsum("nij,ni->nj", R, vectors))
 
 
 def bending(length: Floats, loads: Floats) -> Floats:

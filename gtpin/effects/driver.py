@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from gtpin.data import Dataset
 from gtpin.data.description import MOTIONS, Driver
-from gtpin.effects.chain_motions import joint_frame, of_joint
+from gtpin.effects.chain_motions import from_end, joint_frame, of_joint
 from gtpin.effects.displacement import Displacement, along_track
 from gtpin.effects.effect import Effect, Parameters
 from gtpin.effects.modulation import MODULATION
@@ -19,7 +19,8 @@ from gtpin.effects.sites import guided, links, turns
 from gtpin.effects.smooth import of_frame
 from gtpin.errors import DatasetError
 from gtpin.kinematics.rotations import frame_motions
-from gtpin.robot.chain import Chain, moving_links
+from gtpin.robot.chain import Chain, moving_links, on_link
+from gtpin.robot.placement_frames import frame_of_joint
 from gtpin.typing import Floats
 
 
@@ -43,7 +44,7 @@ def refusal(robot: Chain, site: str, motion: str) -> str | None:
         return f"{site} is no site that a column can move: of this robot its actuators, platform and frame are"
     if motion == "q":
         return f"{site} is no actuator of this dataset, so it has no q"
-    return None if _placement(robot, site) is not None else f"nothing that a column can move is at {site}"
+    return None if _carried(robot, site) else f"nothing that a column can move is at {site}"
 
 
 def moved(
@@ -75,25 +76,27 @@ def moved(
     if site == "frame":
         turned = np.concatenate([instrument.axes @ twist[:, :3], instrument.axes @ twist[:, 3:]], axis=1)
         return Displacement(sigma, twist=of_frame(at, frame_motions(at.poses.T - instrument.origin) @ turned))
-    found = _placement(robot, site)
-    assert found is not None
-    return Displacement(sigma, placements=tuple((index, action @ twist) for index, action in found))
+    frame, carried = _frame(robot, site), _carried(robot, site)
+    if frame is not None and not frame.parentJoint:
+        actions = [np.asarray(on_link(robot, end).actInv(frame.placement).action) for end in carried]
+    else:
+        actions = [from_end(at, carried[0], end) for end in carried]
+    return Displacement(sigma, placements=tuple((end, way @ twist) for end, way in zip(carried, actions, strict=True)))
 
 
-def _placement(robot: Chain, site: str) -> tuple[tuple[int, Floats], ...] | None:
-    """Placement frames that move with a link, each with the (6, 6) matrix that transforms a twist of the site's frame to it.
+def _frame(robot: Chain, site: str) -> pin.Frame | None:
+    """Pinocchio's frame of a link, by its name; None where there is no such link."""
+    return next((f for f in robot.model.frames if f.name == site and f.type == pin.FrameType.BODY), None)
 
-    None where no placement frame moves with it.
-    """
-    model = robot.model
-    frame = next((f for f in model.frames if f.name == site and f.type == pin.FrameType.BODY), None)
+
+def _carried(robot: Chain, site: str) -> tuple[int, ...]:
+    """Indices of the placement frames, TCP and anchors that move with a link, that of its tip first; empty where none does."""
+    frame, model = _frame(robot, site), robot.model
     if frame is None:
-        return None
+        return ()
     if frame.parentJoint:
-        tips = [link.tip for link in moving_links(robot) if link.joint_id == frame.parentJoint]
-        return tuple((tip, np.eye(6)) for tip in tips) or None
-    first = [j for j in range(1, model.njoints) if model.parents[j] == 0]
-    return tuple((j - 1, np.asarray(model.jointPlacements[j].actInv(frame.placement).action)) for j in first) or None
+        return next((link.ends for link in moving_links(robot) if link.joint_id == frame.parentJoint), ())
+    return tuple(frame_of_joint(j) for j in range(1, model.njoints) if model.parents[j] == 0)
 
 
 PREFIX = "driver:"

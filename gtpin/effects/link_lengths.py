@@ -8,14 +8,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtpin.effects.chain_motions import beam, bending, lengthened, of_tips, tip_loads, torsion
+from gtpin.effects.chain_motions import beam, bending, lengthened, load_frame, of_tips, tip_loads, torsion
 from gtpin.effects.displacement import Displacement, along_track, of_lengths, rods_of
 from gtpin.effects.effect import ChainWords, Effect, ParameterRange, Parameters, unit
 from gtpin.effects.joints import loaded, no_load
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import arm_and_links, links, links_at, loaded_along
-from gtpin.effects.smooth import approach, drive_sizes, loads_of, wave
+from gtpin.effects.smooth import approach, drive_sizes, flexibility, loads_of, wave
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
@@ -55,8 +55,8 @@ class LinkCompliance(Effect):
     product: between robots of one shape and material both E I and the product grow with the fourth power of the size.
 
     Typical size of ``compliance`` 4e-8 m/N (25 N/um). A steel tube of 2.04 m and 5 cm^2 has L / (E A) = 2.04 / (210e9 *
-    5e-4) = 1.9e-8 m/N; the rest, for two ball joints, is a guess. The attribute ``link`` of ``<compliance>`` in the
-    URDF gives another size.
+    5e-4) = 1.9e-8 m/N; the rest, for two ball joints, is a guess. Where the usual force of the rods is below 60 N, the size is
+    larger in inverse proportion. The attribute ``link`` of ``<compliance>`` in the URDF gives another size.
     """
 
     id = "link_compliance"
@@ -99,7 +99,7 @@ class LinkCompliance(Effect):
         if None not in legs:
             columns.append(force * at.travel[:, legs.astype(int)])
             sizes.append(MODULATION.extension)
-        return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, at.robot.description.link_compliance))
+        return of_lengths(at, rods, np.stack(columns, axis=2), unit(sizes, _compliance(at)))
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         own = coefficients[4 : 4 + LINKS] if len(coefficients) >= 4 + LINKS else coefficients[:0]
@@ -119,6 +119,16 @@ class LinkCompliance(Effect):
         return {name: (float(c), "1/(N m^2)") for name, c in zip(BEAM, coefficients, strict=False)}
 
 
+COMPLIANCE = 4e-8
+"""Typical compliance of a rod of a heavy machine, m/N: see :class:`LinkCompliance`."""
+
+
+def _compliance(at: OperatingPoints) -> float:
+    """Typical compliance of a robot's rods, m/N: that of its URDF, where given."""
+    given = at.robot.description.link_compliance
+    return COMPLIANCE * flexibility(at) if given is None else given
+
+
 FLEXIBILITY, MEDIUM = 1e-5, 15.0
 """Typical flexibility of a beam in bending, 1/(N m^2), and mass times length of a robot, kg m, below which it is larger: see
 :class:`LinkCompliance`."""
@@ -130,7 +140,7 @@ def _of_beams(at: OperatingPoints, site: str) -> Displacement:
     twists = []
     for link in links_at(at.robot, site):
         length, loads = beam(at, link), tip_loads(at, link)
-        mean, spread = (values[link.tip] for values in at.references.joints)
+        mean, spread = (values[load_frame(at.robot, link)] for values in at.references.joints)
         usual = max(float(np.linalg.norm(mean[:3]) + np.linalg.norm(spread[:3])), 1e-9)
         bent = bending(length, loads)
         harder = np.linalg.norm(loads[:, :3], axis=1, keepdims=True) / usual - 1.0
@@ -152,8 +162,8 @@ class ThermalLinks(Effect):
 
     L is the link's length, m, and dL its change. The reference is the dataset's ``reference_temperature``, degC. The
     modulation: alpha changes with time, because the sensor does not measure the link itself, and with the temperature
-    difference. At ``arm`` each link differs a little from the others. A link of a robot without rods expands along the line
-    from its joint to the next joint.
+    difference. At ``arm`` each link differs a little from the others. A link of a robot without rods, also one that only loops
+    move, expands in proportion: the joints, the TCP and the anchors of loops on it move away from its own joint.
 
     Parameters: ``expansion`` alpha, 1/K, at ``arm`` the mean of all links; at ``arm`` ``spread``: the standard deviation of
     alpha between the links, 1/K.

@@ -145,6 +145,21 @@ def drive_sizes(at: OperatingPoints, site: str, relative: Sequence[float] | Floa
     return whole / RIM if turning_joint(at.robot, site) else whole
 
 
+HEAVY = 60.0
+"""Usual force of the rods, N, below which a robot with rods is more flexible in inverse proportion to it. Assumed: machines are
+as stiff as their loads need, so that the lighter ones deflect as far under theirs. The rods of the Gantry-Tau and of Stewart
+platforms, to which the typical sizes belong, bear more; those of a 3D printer bear 2 N, and its belts give 2e-5 m/N."""
+
+
+def flexibility(at: OperatingPoints) -> float:
+    """Factor by which rods and carts are more flexible than on heavy machines, 1 or more: see ``HEAVY``.
+
+    The usual force is the root mean square over the rods and the poses of the fit.
+    """
+    mean, spread = at.references.force
+    return max(1.0, HEAVY / float(np.sqrt((mean**2 + spread**2).mean())))
+
+
 SLOWEST_LINE = 3.0
 """Periods per turn of a turning joint above which the parts of a smooth deviation become smaller; stronger parts are lines of
 ``rack_periodic``. Assumed: an encoder's eccentricity and the harmonics of a housing have one to three per turn, gears

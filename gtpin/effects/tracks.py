@@ -14,7 +14,7 @@ from gtpin.effects.joints import no_load, symmetric
 from gtpin.effects.modulation import MODULATION
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import joints, slides, sliding_actuators, tracks, turns
-from gtpin.effects.smooth import approach, cosines, extent, wave
+from gtpin.effects.smooth import approach, cosines, extent, flexibility, wave
 from gtpin.effects.untestable import Untestable
 from gtpin.robot.chain import Chain
 from gtpin.robot.parameters import rotation_axes
@@ -198,7 +198,8 @@ class CartCompliance(Effect):
 
     Typical sizes: ``along`` 5e-8 m/N (20 N/um), ``across_a`` and ``across_b`` 3e-8 m/N, ``roll``, ``tip_a`` and
     ``tip_b`` 5e-7 rad/(N m): guesses for rack, gear and servo in series with a stiffer carriage. Dressler et al. 2010,
-    section V, assumes a lack of stiffness of cart 2.
+    section V, assumes a lack of stiffness of cart 2. Where the usual force of the rods is below 60 N, the sizes are larger in
+    inverse proportion: light machines have belts.
     """
 
     id = "cart_compliance"
@@ -260,7 +261,7 @@ class CartCompliance(Effect):
                 for axis in axes:
                     columns.append(np.outer(factor * (moment @ axis), [0.0, 0.0, 0.0, *axis]))
                     sizes.append(share * TIP)
-        return of_body(at, site, np.stack(columns, axis=2), unit(sizes, 1.0))
+        return of_body(at, site, np.stack(columns, axis=2), unit(sizes, flexibility(at)))
 
     def parameters_at(self, robot: Chain, site: str, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         if not joints(robot):

@@ -15,6 +15,7 @@ Kind = Literal[
     "no_masses",
     "single_joint",
     "absorbed",
+    "small",
     "stations",
     "unrecorded_payload",
     "not_searched",
@@ -38,6 +39,7 @@ class Untestable:
         links have no masses, and no payload or force was recorded.
         ``single_joint``: the cart carries one joint. A rotation of the cart about it has no effect on the TCP.
         ``absorbed``: geometric calibration absorbs it, even at a large size (``large`` of the priors).
+        ``small``: geometry absorbs only part of it, but even at that size the rest is too small to show.
         ``stations``: a free frame for each session absorbs it.
         ``unrecorded_payload``: the payload may have varied without being recorded. The effect can be tested with the
         recorded loads only. With other loads it could be the cause although that test does not find it.

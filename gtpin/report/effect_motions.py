@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.chain_motions import beam, cart_load, joint_frame, of_body, of_carried, tip_to_joint
+from gtpin.effects.chain_motions import beam, cart_load, from_end, joint_frame, of_body, of_carried
 from gtpin.effects.displacement import Displacement, along_track, of_lengths
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import links_at, tracks, turning_joint
 from gtpin.report.words import travel_words
 from gtpin.robot.chain import MovingLink
 from gtpin.robot.parameters import rotation_axes
+from gtpin.robot.placement_frames import frame_of_tcp
 from gtpin.typing import Floats
 
 FREEDOMS = ("shift along x", "shift along y", "shift along z", "turn about x", "turn about y", "turn about z")
@@ -135,15 +136,16 @@ def placements(at: OperatingPoints, site: str, basis: Displacement) -> list[Moti
     found = []
     for index, twists in basis.placements:
         link = None if site in at.robot.sites else _link(at, site, index)
+        if link is not None and link.tip != index:
+            continue  # what else a link carries moves with its tip
         owner, ways = _ways(at, site, link)
-        frame, moved = index, np.broadcast_to(np.eye(6), (len(at), 6, 6))
-        if link is not None and link.tip != index:  # a link of a loop: the whole link moves
-            frame, moved = link.tip, tip_to_joint(at, link)
-        own = np.linalg.solve(moved, twists) if frame != index else twists
+        ends = [(index, np.eye(6))] if link is None else [(end, from_end(at, index, end)) for end in link.ends]
         for place, way in ways:
             motion, unit = ("shift", "m") if way[:3].any() else ("turn", "rad")
-            tcp = at.bodies.by_twist(index, (moved @ way)[:, :, None])[:, :, 0]
-            columns, carried = np.einsum("nim,i->nm", own, way), Carried(f"{owner} {place}", frame, way)
+            tcp = np.sum([at.bodies.by_twist(end, (moved @ way)[:, None])[:, :, 0] for end, moved in ends], axis=0)
+            columns = np.einsum("nim,i->nm", twists, way)
+            # An anchor has no load of its own.
+            carried = Carried(f"{owner} {place}", index, way) if index <= frame_of_tcp(at.robot) else None
             found.append(Motion(f"{motion} of {owner} {place}", unit, columns, tcp, carried=carried))
 
     def at_tcp(motion: Motion) -> float:
@@ -152,12 +154,9 @@ def placements(at: OperatingPoints, site: str, basis: Displacement) -> list[Moti
     return sorted(found, key=lambda motion: -at_tcp(motion))
 
 
-def _link(at: OperatingPoints, site: str, index: int) -> MovingLink:
-    """The link of a site whose tip has the index; in a robot with loops, whose own placement frame has it."""
-    found = links_at(at.robot, site)
-    if at.robot.constraints:
-        return next(link for link in found if link.joint_id - 1 == index)
-    return next(link for link in found if link.tip == index)
+def _link(at: OperatingPoints, site: str, end: int) -> MovingLink:
+    """The link of a site that has an end."""
+    return next(link for link in links_at(at.robot, site) if end in link.ends)
 
 
 def _ways(at: OperatingPoints, site: str, link: MovingLink | None) -> tuple[str, list[tuple[str, Floats]]]:

@@ -36,6 +36,7 @@ REASONS = {
     "no_masses": "the URDF has no masses, and no payload or force on the tool was recorded",
     "single_joint": "the cart carries a single joint, and a rotation about it does not move the platform",
     "absorbed": "geometric calibration absorbs it",
+    "small": "even many times its typical size would not show above the noise",
     "stations": "the free frame of each session absorbs it (stations in dataset.toml)",
     "unrecorded_payload": "the payload may have varied without being recorded",
     "not_searched": "a check does not search for periods and steps: diagnose as many poses as for a calibration",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ from gtpin.errors import RobotError
 from gtpin.robot.assembly import Assembly, assemble
 from gtpin.robot.constrained_model import ConstrainedModel, joint_axis
 from gtpin.robot.description import RobotDescription
-from gtpin.robot.placement_frames import frame_of_anchor, shift
+from gtpin.robot.placement_frames import frame_of_anchor, frame_of_joint, frame_of_tcp, shift
 from gtpin.robot.resting import with_actuators
 from gtpin.robot.rods import Rod, RodBody, rod_body, rods
 from gtpin.typing import Floats
@@ -120,47 +120,73 @@ def measured_link(robot: ConstrainedModel, name: str) -> MeasuredLink:
     raise RobotError(f"{robot.name} has no link {name!r}", column="link", hint=hint)
 
 
+SHORTEST = 1e-3
+"""Distance of an end of a link from the link's own joint, m, below which both are one point, as in a wrist whose axes meet."""
+
+
 @dataclass(frozen=True)
 class MovingLink:
-    """The child link of an actuated joint, with everything fixed to it. It reaches from that joint's frame to its tip.
+    """The child link of a joint, with everything fixed to it. It reaches from that joint's frame to its ends.
 
-    ``name``: its name in the URDF. ``joint_id``: the Pinocchio joint that moves it. ``tip``: index, as in
-    :class:`~gtpin.kinematics.motion.FrameMotion`, of the placement frame of the next joint; of the TCP for the last link.
+    ``name``: its name in the URDF. ``joint_id``: the Pinocchio joint that moves it. ``ends``: indices of what it carries, the
+    tip first: placement frames of joints, the TCP, anchors of loops (:mod:`~gtpin.robot.placement_frames`).
     """
 
     name: str
     joint_id: int
-    tip: int
+    ends: tuple[int, ...]
+
+    @property
+    def tip(self) -> int:
+        """The first end: the next joint towards the TCP, or the TCP; where it carries neither, another joint or an anchor."""
+        return self.ends[0]
 
 
-def moving_links(robot: ConstrainedModel) -> tuple[MovingLink, ...]:
-    """The links of the actuated joints, in the joints' order, and of those that carry the TCP and follow one of them.
+def moving_links(robot: Chain) -> tuple[MovingLink, ...]:
+    """The links of the actuated joints, in the joints' order, and of the joints that carry the TCP and follow one of them.
 
-    Those without a joint or TCP beyond them are left out.
+    Of a robot without rods also those of the other joints of its loops, except for links without length. Links that carry
+    nothing, no joint, TCP or anchor, are left out.
     """
-    names: dict[int, str] = {}
-    for frame in robot.model.frames:
+    model, names = robot.model, dict[int, str]()
+    for frame in model.frames:
         if frame.type == pin.FrameType.BODY:
             names.setdefault(int(frame.parentJoint), str(frame.name))
+    led = [joint for number in range(len(robot.actuators)) for joint, _ in robot.carriers(number)]
+    carried_by = [model.supports[joint] for joint in (robot.tcp_joint, *(joint for joint, _ in robot.anchors))]
+    bearing = {int(joint) for way in carried_by for joint in way}
+    others = [joint for joint in range(1, model.njoints) if robot.constraints and not robot.rods]
+    others = [joint for joint in others if joint in bearing and joint not in led]
     found = []
-    carriers = (robot.carriers(number) for number in range(len(robot.actuators)))
-    for joint_id in (joint for moved in carriers for joint, _ in moved):
-        tip = _tip(robot, joint_id)
-        if tip is not None and joint_id in names:
-            found.append(MovingLink(names[joint_id], joint_id, tip))
+    for joint_id in (*led, *others):
+        ends = _ends(robot, joint_id, bearing)
+        if joint_id in others:
+            far = [end for end in ends if float(np.linalg.norm(on_link(robot, end).translation)) >= SHORTEST]
+            ends = [*far, *(end for end in ends if end not in far)] if far else []
+        if ends and joint_id in names:
+            found.append(MovingLink(names[joint_id], joint_id, tuple(ends)))
     return tuple(found)
 
 
-def _tip(robot: ConstrainedModel, joint_id: int) -> int | None:
-    """Index of the frame at a link's tip: the next joint towards the TCP, else its first child joint; None: it has none."""
-    model = robot.model
-    if joint_id == robot.tcp_joint:
-        return int(model.njoints - 1)
-    path = list(model.supports[robot.tcp_joint])
-    if joint_id in path:
-        return int(path[path.index(joint_id) + 1]) - 1
-    children = [j for j in range(1, model.njoints) if model.parents[j] == joint_id]
-    return children[0] - 1 if children else None
+def _ends(robot: ConstrainedModel, joint_id: int, bearing: Collection[int]) -> list[int]:
+    """Indices of the frames on a joint's link that bear the TCP or an anchor, the tip first; of another joint if none does."""
+    model, way = robot.model, [int(joint) for joint in robot.model.supports[robot.tcp_joint]]
+    children = sorted((j for j in range(1, model.njoints) if model.parents[j] == joint_id), key=lambda j: j not in way)
+    tcp = [frame_of_tcp(robot)] if joint_id == robot.tcp_joint else []
+    anchors = [frame_of_anchor(robot, a) for a, (joint, _) in enumerate(robot.anchors) if joint == joint_id]
+    ends = [*tcp, *(frame_of_joint(j) for j in children if j in bearing), *anchors]
+    return ends or [frame_of_joint(j) for j in children[:1]]
+
+
+def on_link(robot: ConstrainedModel, end: int) -> pin.SE3:
+    """Placement of a frame, by its index, on its link, relative to the link's own joint; of the nominal robot."""
+    tcp = frame_of_tcp(robot)
+    if end < tcp:
+        return robot.model.jointPlacements[end + 1]
+    if end == tcp:
+        return robot.load_placement
+    anchor = end - frame_of_anchor(robot, 0)
+    return pin.SE3(robot.anchor_axes[anchor], robot.anchors[anchor][1].translation)
 
 
 class Chain(ConstrainedModel):

@@ -42,10 +42,6 @@ MOST_JOINTS = 300
 LEVER = 0.1
 """Distance, m, of the points that stand for a loop of type ``fixed``: an angle counts as its arc at this distance. Assumed."""
 
-LINK_COMPLIANCE = 4e-8
-"""Typical compliance of a link, m/N, where the URDF gives none: about that of two metres of steel or carbon-fibre tube with a
-ball joint at each end. Assumed."""
-
 
 @dataclass(frozen=True)
 class Anchor:
@@ -122,7 +118,7 @@ class RobotDescription:
     - ``tree``: its joints and links in document order.
     - ``tcp_guessed``: whether nothing names the TCP, and there are several ends of chains that it can be.
     - ``link_compliance``: typical compliance of such a machine's links, m/N: the typical size of the effect
-      ``link_compliance``.
+      ``link_compliance``; None where it is not given.
     """
 
     kind: Kind
@@ -138,7 +134,7 @@ class RobotDescription:
     posture: Mapping[str, Vector]
     gravity: Vector
     tolerance: Mapping[str, float]
-    link_compliance: float
+    link_compliance: float | None
     planes: Mapping[str, NDArray[np.float64]]
     tree: Tree
     tcp_guessed: bool
@@ -227,7 +223,7 @@ class RobotDescription:
             posture=MappingProxyType(posture),
             gravity=(0.0, 0.0, -9.81) if gravity is None else reader.numbers(gravity, "xyz", 3),
             tolerance=MappingProxyType({} if tolerance is None else reader.positive(tolerance)),
-            link_compliance=LINK_COMPLIANCE if compliance is None else reader.compliance(compliance),
+            link_compliance=None if compliance is None else reader.compliance(compliance),
             planes=MappingProxyType(reader.planes(own, {loop.name for loop in loops})),
             tree=tree,
             tcp_guessed=several if platform is None else platform.get("guessed") == "true",

@@ -3,52 +3,23 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from effect_places import active, basis, moved, operating_points
-from urdfs import joint, loop, own, robot_of
+from effect_places import basis, operating_points
+from growing_links import parallelogram as urdf_of
 
 import gtpin
 from gtpin.effects.chain_motions import OWN_WEIGHT, tip_loads
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import links_at
 from gtpin.kinematics.posture import home
-
-EXPANSION = 2e-5
+from gtpin.robot.description import RobotDescription
 
 
 def parallelogram(size: float = 1.0) -> gtpin.Robot:
-    """A column that turns; on it a parallelogram that keeps its plate level; all ``size`` times as large."""
-    hinges = (
-        ("waist", "base", "column", "0 0 0", "0 0 1", "0 0.05 0.2"),
-        ("shoulder", "column", "crank", "0.1 0 0.3", "0 1 0", "0 0.02 0.25"),
-        ("follow", "column", "rocker", "-0.1 0 0.3", "0 1 0", "0 0 0.25"),
-        ("top", "crank", "plate", "0 0 0.5", "0 1 0", "0.1 0 0.05"),
-    )
-    inertia = '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
-
-    def sized(xyz: str) -> str:
-        return " ".join(str(size * float(word)) for word in xyz.split())
-
-    def heavy(centre: str) -> str:
-        return f'<inertial><origin xyz="{sized(centre)}"/><mass value="{3.0 * size**3}"/>{inertia}</inertial>'
-
-    parts = [joint(*names, sized(xyz), axis, body=heavy(centre)) for *names, xyz, axis, centre in hinges]
-    flange = joint("flange", "plate", "tool0", sized("0.3 0 0.1"), kind="fixed")
-    pin_ = loop("plate", sized("-0.2 0 0"), "rocker", sized("0 0 0.5"))
-    return robot_of("parallelogram", *parts, flange, pin_, own(["waist", "shoulder"], "tool0"))
+    return gtpin.Robot(RobotDescription.parse(urdf_of(size)))
 
 
 def nominal(robot: gtpin.Robot) -> OperatingPoints:
     return operating_points(6, kinematics=gtpin.Model(gtpin.Geometry.nominal(robot)).kinematics)
-
-
-def test_a_column_that_grows_lifts_both_joints_that_stand_on_it() -> None:
-    at = nominal(parallelogram())
-    c = np.array([EXPANSION, 0.0, 0.0])
-    found = moved(at, active("thermal_links", "column", c, at.references))
-    growth = EXPANSION * (at.covariate("temp_link") - 20.0)
-    way = np.column_stack([0.1 * np.cos(at.q[:, 0]), 0.1 * np.sin(at.q[:, 0]), np.full(len(at), 0.3)])
-    np.testing.assert_allclose(found[:, :3], growth[:, None] * way, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(found[:, 3:], 0.0, atol=1e-12)
 
 
 def test_a_column_bears_all_that_stands_on_it() -> None:

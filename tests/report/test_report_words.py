@@ -171,6 +171,7 @@ def test_every_kind_of_reason_has_words() -> None:
         (Untestable("constant", "session"), "the covariate session does not vary"),
         (Untestable("too_few_commands", "q3"), "the commands of cart3 are too few, or too close together"),
         (Untestable("absorbed"), "geometric calibration absorbs it"),
+        (Untestable("small"), "even many times its typical size would not show above the noise"),
         (None, ""),
     ],
 )

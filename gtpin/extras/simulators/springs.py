@@ -118,7 +118,7 @@ def _flexibilities(
     total = np.zeros((len(at), 6))
     for link in links_at(model.robot, active.site):
         length, loads = beam(at, link), tip_loads(at, link)
-        to_target = target_at(at, link).inverse().action
+        to_target = target_at(at, link.tip).inverse().action
         bent, twisted = (shape(length, loads) @ to_target.T for shape in (bending, torsion))
         g = max(float(active.coefficients[1]), 0.0)
         left = twists[link.tip] @ active.coefficients - active.coefficients[1] * twisted
@@ -139,7 +139,7 @@ def _with_beam(mechanism: Mechanism, model: Model, link: MovingLink, f: float, g
     if length == 0.0:
         return mechanism
     R, T = (x[0] for x in here.bodies.frame(link.tip))
-    tip = pin.SE3(R, T) * target_at(here, link).inverse()
+    tip = pin.SE3(R, T) * target_at(here, link.tip).inverse()
     u = along / length
     a, b = rotation_axes(u)[:2]
     compliances = (f * length**3 / 12.0,) * 2 + (f * length,) * 2 + (g * length,)

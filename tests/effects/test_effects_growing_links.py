@@ -1,0 +1,45 @@
+"""Heat makes links longer: in trees, in loops, and where links follow drives, all links grow as if the robot's file said so."""
+
+import numpy as np
+import pytest
+from effect_places import EFFECTS, active, moved, nominal_at
+from growing_links import MACHINES, SITES, longer
+
+import gtpin
+from gtpin.robot.description import RobotDescription
+
+STRAIN, WARM = 1e-5, 10.0
+"""Growth, and warming, K, by which it grows."""
+PLACES = [(name, site) for name, sites in SITES.items() for site in ("arm", *sites)]
+
+
+def robot_of(text: str) -> gtpin.Robot:
+    return gtpin.Robot(RobotDescription.parse(text))
+
+
+@pytest.mark.parametrize("name", SITES)
+def test_every_link_between_two_joints_or_the_ends_of_loops_is_a_site(name: str) -> None:
+    robot = robot_of(MACHINES[name])
+    for effect in ("thermal_links", "link_compliance"):
+        assert sorted(EFFECTS[effect].sites(robot)) == sorted(("arm", *SITES[name]))
+
+
+@pytest.mark.parametrize(("name", "site"), PLACES)
+def test_a_warm_robot_is_the_robot_of_longer_links(name: str, site: str) -> None:
+    robot = robot_of(MACHINES[name])
+    q = np.random.default_rng(0).uniform(-0.3, 0.3, (12, robot.n_actuators))
+    at = nominal_at(robot, q, {"temp_link": np.full(12, 20.0 + WARM)})
+    found = moved(at, active("thermal_links", site, np.array([STRAIN / WARM, 0.0, 0.0]), at.references))
+    warm = nominal_at(robot_of(longer(MACHINES[name], STRAIN, site)), q)
+    expected = warm.poses.minus(at.poses)
+    assert np.abs(expected).max() > 1e-7
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", SITES)
+def test_all_links_grow_by_what_each_link_does(name: str) -> None:
+    robot = robot_of(MACHINES[name])
+    q = np.random.default_rng(1).uniform(-0.3, 0.3, (12, robot.n_actuators))
+    at = nominal_at(robot, q, {"temp_link": np.linspace(15.0, 40.0, 12)})
+    every, *each = (EFFECTS["thermal_links"].basis(at, site).displacement(at) for site in ("arm", *SITES[name]))
+    np.testing.assert_allclose(every, np.sum(each, axis=0), rtol=0, atol=1e-12)
