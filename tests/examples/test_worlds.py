@@ -21,7 +21,7 @@ import telescopes
 import worlds
 from arms import ARMS, UR5
 from energy import Absorption, Tracker
-from judge import judged
+from judge import carried, judged
 from mechanisms import MECHANISMS
 from motion import Motion, seen
 from rods import CART, CARTS, CENTRE, LENGTH, LINK_MASS, PLATE_MASS, PLATFORM, TRACKS, GantryTau
@@ -264,6 +264,21 @@ def test_a_false_cause_is_one_that_no_part_of_the_truth_names() -> None:
     )
     assert (row["class holds"], row["alone, sure"], row["unknown"], row["false, sure"]) == (1, 1, 1, 1)
     assert false == ["linearity@cart1 (0.990, another)"]
+
+
+def test_shares_count_by_site_and_leaders_where_the_verdict_is_unknown() -> None:
+    bends = {"effect": "cart_compliance", "site": "column", "energy": 700.0, "share": 0.7}
+    turns = {"effect": "joint_compliance", "site": "j2", "energy": 300.0, "share": 0.3}
+    cause = {"effect": "cart_compliance", "site": "column", "shrinkage": 0.6, "class": [bends]}
+    unexplained = {"could_be": [{"effect": "a", "site": "j1"}, turns]}
+    said = {"verdict": "explained", "causes": [cause], "unexplained": unexplained}
+    row = carried({"effects": [bends, turns], "noise": 1.0}, said)
+    assert (row["all listed"], row["in classes"], row["sites"], row["share within 0.15"]) == (1, 0, 2, 1)
+    rough = {"effect": "unlisted_rough", "site": "arm", "energy": 900.0, "share": 0.75}
+    row = carried({"effects": [turns, rough], "noise": 2.0}, {**said, "verdict": "unknown", "causes": []})
+    assert (row["all listed"], row["unknown beside a listed one"], row["named or first two"]) == (0, 1, 1)
+    row = carried({"effects": [turns, rough], "noise": 5.0}, {**said, "verdict": "unknown"})
+    assert row["unknown beside a listed one"] == 0
 
 
 @pytest.mark.slow
