@@ -8,11 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import expit
 
-from gtpin.diagnosis.classes import ClassMember, class_of, ranked, with_shared_loads, with_two_instead
+from gtpin.diagnosis.classes import (
+    Classes,
+    ClassMember,
+    class_of,
+    own_probability,
+    ranked,
+    with_shared_loads,
+    with_two_instead,
+)
 from gtpin.diagnosis.evidence import NOTHING, Posterior, fixed, marginal_power, tuned, without
 from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term, alike
 from gtpin.diagnosis.noise import SearchState, drive_beyond_noise, reestimate_noise
-from gtpin.diagnosis.priors import SURE, UNDECIDED
+from gtpin.diagnosis.priors import CLASS_SHARE, SURE, UNDECIDED
 from gtpin.diagnosis.result import Considered, Doubt, FlexibleFamily, Member, Undecided, Verdict
 from gtpin.diagnosis.search import Gain, HypothesisSet, causes, chance_lines, scales, search, smooth_of
 from gtpin.effects.effect import Nature
@@ -197,6 +205,9 @@ def decide(hypotheses: HypothesisSet, guess: Posterior[Term] = NOTHING) -> Concl
     named = without_redundant(hypotheses, named)
     # The smooth terms stay in the model while classes are compared: else an alternative would gain by what they explain.
     classes = {cause: class_of(hypotheses, named, cause) for cause in causes(named)}
+    named, led = _with_leaders(hypotheses, named, classes)
+    if led:
+        classes = {cause: led.get(cause) or class_of(hypotheses, named, cause) for cause in causes(named)}
     instead: list[tuple[str, str]] = []
     for cause in [cause for cause, members in classes.items() if cause.further and members[0].probability >= SURE]:
         if (replaced := _without_lines(hypotheses, named, cause)) is not None:
@@ -239,6 +250,26 @@ def _replacing(hypotheses: HypothesisSet, named: Posterior[Term]) -> tuple[Smoot
         listed = sum(member.probability for member in every.members(cause))
         found += [term for term, probability in every.smooth[:1] if probability > listed]
     return tuple(dict.fromkeys(found))
+
+
+def _with_leaders(
+    hypotheses: HypothesisSet, named: Posterior[Term], classes: Classes
+) -> tuple[Posterior[Term], Classes]:
+    """The model in which the leader of a class is in the place of a cause that is too improbable for it; and such classes.
+
+    In the search, a second mechanism of one load pays a larger share of the first one's evidence than an unrelated profile that
+    looks like it does. In a class these costs are bounded (``imitation``), so that it can exclude the cause. What is left of
+    the class without the cause is then that of its leader: the rest of the model is the same.
+    """
+    led: dict[Hypothesis, tuple[ClassMember, ...]] = {}
+    for cause, members in classes.items():
+        first, least = members[0], CLASS_SHARE * members[0].probability
+        if own_probability(members, cause) >= least or not first.recorded or first.hypothesis in named.terms:
+            continue
+        terms = [first.hypothesis if term == cause else term for term in named.terms]
+        named = hypotheses.of(terms, named.scale)
+        led[first.hypothesis] = tuple(m for m in members if m.probability >= least)
+    return named, led
 
 
 def _without_lines(hypotheses: HypothesisSet, named: Posterior[Term], cause: Hypothesis) -> Posterior[Term] | None:

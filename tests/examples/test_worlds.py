@@ -304,3 +304,14 @@ def test_links_that_warm_late_and_a_scale_that_wanders_are_no_drift_of_the_instr
     worlds.write(tmp_path, "case", GantryTau(), [worlds.Act(slow, 1.0, 1000.0)], False, np.random.default_rng(seed))
     found = gtpin.diagnose(gtpin.Dataset.read(tmp_path / "case"))
     assert all(cause.probability < 0.9 for cause in found.causes if cause.effect == "tracker_drift")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+@pytest.mark.parametrize("seed", [[1795915654, 8, ord("t")], [1], [2]])  # the first: case 8 of the training half
+def test_no_cause_has_less_than_5_percent_of_the_leader_of_its_class(seed: list[int], tmp_path: Path) -> None:
+    worlds.write_telescope(tmp_path, "case", ("column", "joint"), np.random.default_rng(seed))
+    found = gtpin.diagnose(gtpin.Dataset.read(tmp_path / "case"))
+    assert found.causes
+    for cause in found.causes:
+        assert cause.probability >= 0.05 * max(member.probability for member in cause.members)
