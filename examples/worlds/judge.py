@@ -8,7 +8,7 @@ is the name that the mechanism has at distance 0, at its site, and "another" els
 other effects of the catalogue leave 63 or more, and unlisted ones of which they leave 250 or more (left.py).
 
 Of telescopes an energy counts relative to the noise with rough joints. Their own table is of cases in which every effect is
-listed (each demanded one in a class; shares within 0.15, of the sites that have one or of which a cause is said), of verdicts
+listed (each demanded one in a class; shares of the gap within 0.15, of the sites that have one or are said), of verdicts
 `unknown` (the strongest listed effect that is demanded is named, or one of the first two of `could_be`), and of innocents.
 """
 
@@ -87,9 +87,10 @@ def carried(case: dict[str, Any], diagnosis: dict[str, Any]) -> Row:
     causes, firm = diagnosis["causes"], bool(effects) and not strange
     classes = [{name(m) for m in c["class"]} for c in causes]
     sites = {item["site"] for item in case["effects"] + causes} if firm else set()
+    explained = diagnosis["gap"]["shrinkage"] or 0.0
     missed = {
         site: sum(e["share"] for e in case["effects"] if e["site"] == site)
-        - sum(c["shrinkage"] or 0.0 for c in causes if c["site"] == site)
+        - explained * sum(c["share"] for c in causes if c["site"] == site)
         for site in sites
     }
     beside = diagnosis["verdict"] == "unknown" and bool(listed)

@@ -269,9 +269,9 @@ def test_a_false_cause_is_one_that_no_part_of_the_truth_names() -> None:
 def test_shares_count_by_site_and_leaders_where_the_verdict_is_unknown() -> None:
     bends = {"effect": "cart_compliance", "site": "column", "energy": 700.0, "share": 0.7}
     turns = {"effect": "joint_compliance", "site": "j2", "energy": 300.0, "share": 0.3}
-    cause = {"effect": "cart_compliance", "site": "column", "shrinkage": 0.6, "class": [bends]}
+    cause = {"effect": "cart_compliance", "site": "column", "share": 0.8, "class": [bends]}
     unexplained = {"could_be": [{"effect": "a", "site": "j1"}, turns]}
-    said = {"verdict": "explained", "causes": [cause], "unexplained": unexplained}
+    said = {"verdict": "explained", "causes": [cause], "unexplained": unexplained, "gap": {"shrinkage": 0.75}}
     row = carried({"effects": [bends, turns], "noise": 1.0}, said)
     assert (row["all listed"], row["in classes"], row["sites"], row["share within 0.15"]) == (1, 0, 2, 1)
     rough = {"effect": "unlisted_rough", "site": "arm", "energy": 900.0, "share": 0.75}
