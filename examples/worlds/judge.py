@@ -7,7 +7,7 @@ Confidence is a probability of 0.9 or more. A cause is false where its effect an
 is the name that the mechanism has at distance 0, at its site, and "another" else. "Of own form" are listed effects of which
 other effects of the catalogue leave 63 or more, and unlisted ones of which they leave 250 or more (left.py).
 
-Of telescopes an energy counts relative to the noise with rough joints. Their own table is of cases in which every effect is
+Of telescopes an energy counts relative to the noise with rough joints, and "near" is what of the list comes nearest. Their own table is of cases in which every effect is
 listed (each demanded one in a class; shares of the gap within 0.15, of the sites that have one or are said), of verdicts
 `unknown` (the strongest listed effect that is demanded is named, or one of the first two of `could_be`), and of innocents.
 """
@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from mechanisms import MECHANISMS
+from telescopes import PARTS
 
 DEMANDED, UNLIKE, SURE = 63.0, 250.0, 0.9
 WITHIN = 0.15  # of a site's true share
@@ -54,9 +55,10 @@ def judged(case: dict[str, Any], diagnosis: dict[str, Any]) -> tuple[Row, list[s
     sure = [c for c in causes if c["probability"] >= SURE]
     classes = [{name(m) for m in c["class"]} for c in causes]
     alone = {name(c) for c in sure if len(c["class"]) == 1}
-    near = {f"{LISTED[a['mechanism']]}@{a['site']}" for a in case["acts"]}
+    near = [f"{LISTED[a['mechanism']]}@{a['site']}" for a in case["acts"]]
+    near += [PARTS[part].near for part in case.get("parts", ()) if PARTS[part].near]
     false = [
-        f"{name(c)} ({c['probability']:.3f}, {'near' if name(c) in near else 'another'})"
+        f"{name(c)} ({c['probability']:.3f}, {'near' if name(c).startswith(tuple(near)) else 'another'})"
         for c in sure
         if name(c) not in allowed
     ]

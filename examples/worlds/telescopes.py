@@ -200,18 +200,19 @@ class Part:
     site: int | None  # of the commanded joints; None: a joint of the arm that gravity loads, -1: the arm
     shape: Shape
     needs: tuple[str, ...] = ("payload",)
+    near: str = ""  # what of the list comes nearest, beside its own name: how this begins
 
 
 PARTS = {
     "column": Part("cart_compliance", 0, column),
     "base": Part("bearing_compliance", 0, base),
-    "settling": Part("bearing_compliance", 0, settling, ("payload", "time")),
+    "settling": Part("bearing_compliance", 0, settling, ("payload", "time"), "tracker_drift@frame"),
     "bearing": Part("bearing_compliance", 1, bearing),
     "joint": Part("joint_compliance", None, joint),
-    "rough": Part("unlisted_rough", -1, rough, ()),
-    "sun": Part("unlisted_sun", 0, sun, ("time",)),
-    "hose": Part("unlisted_hose", None, hose, ()),
-    "guide": Part("unlisted_guide", 0, guide, ("payload", "approach")),
+    "rough": Part("unlisted_rough", -1, rough, (), "rack_periodic@j"),
+    "sun": Part("unlisted_sun", 0, sun, ("time",), "tracker_drift@frame"),
+    "hose": Part("unlisted_hose", None, hose, (), "cross_coupling@j"),
+    "guide": Part("unlisted_guide", 0, guide, ("payload", "approach"), "bearing_compliance@column"),
 }
 
 
