@@ -77,7 +77,7 @@ class Arm:
     def carried(self, q: Array, payload: Array, force: Array) -> Array:
         """Force and moment (N, parts, 6) that each part's joint carries, at its origin and in its frame."""
         n = len(self.masses)
-        T = self.chain(q, np.zeros(6 * (n + 1)), Motion.none(*q.shape, 0))
+        T = self.chain(q, np.zeros(6 * (n + 1)), Motion.none(len(q), q.shape[1], 0))
         down = np.array([0.0, 0.0, -9.81])
         at_tool = payload[:, None] * down + force
         wrench = np.zeros((len(q), n, 6))

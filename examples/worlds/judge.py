@@ -7,9 +7,10 @@ Confidence is a probability of 0.9 or more. A cause is false where its effect an
 is the name that the mechanism has at distance 0, at its site, and "another" else. "Of own form" are listed effects of which
 other effects of the catalogue leave 63 or more, and unlisted ones of which they leave 250 or more (left.py).
 
-Of telescopes an energy counts relative to the noise with rough joints, and "near" is what of the list comes nearest. Their own table is of cases in which every effect is
-listed (each demanded one in a class; shares of the gap within 0.15, of the sites that have one or are said), of verdicts
-`unknown` (the strongest listed effect that is demanded is named, or one of the first two of `could_be`), and of innocents.
+Of telescopes an energy counts relative to the noise with rough joints, and "near" is what of the list comes nearest. Their
+own table is of cases in which every effect is listed (each demanded one in a class; shares of the gap within 0.15, of the sites
+that have one or are said), of verdicts `unknown` (the strongest listed effect that is demanded is named, or one of the first
+two of `could_be`), and of innocents.
 """
 
 from __future__ import annotations

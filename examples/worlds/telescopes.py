@@ -103,7 +103,7 @@ def bent(load: Array, length: Array, soft: Array) -> Array:
 
 def out(m: Arm, c: Campaign) -> Array:
     """(N, stages) m, how far each stage reaches out of what carries it: rest and travel."""
-    return np.array(m.rest) + c.q[:, :1] * np.array(m.stages)
+    return np.asarray(np.array(m.rest) + c.q[:, :1] * np.array(m.stages))
 
 
 def column(m: Arm, c: Campaign, k: int, rng: Generator) -> Motion:

@@ -170,8 +170,10 @@ def save_case(
     rng: Generator,
 ) -> list[dict[str, Any]]:
     """Draw geometry and noise, write dataset and truth; each effect, its site and energy."""
-    found = [{"effect": effect, "site": where, "energy": round(energy, 1)} for effect, where, _, energy in moved]
-    truth = [t for t in found if float(t["energy"]) >= SEEN]
+    found: list[dict[str, Any]] = []
+    for effect, where, _, energy in moved:
+        found.append({"effect": effect, "site": where, "energy": round(energy, 1)})
+    truth = [t for t in found if t["energy"] >= SEEN]
     parts = [part for _, _, part, _ in moved]
     motion = absorption.still
     for part in parts:
@@ -198,8 +200,8 @@ def save_case(
         save(exact_table(table[out], exact[0][out], exact[1][out]), folder / f"{name}.truth.csv", 10)
         station = np.array(machine.station)
         still = seen(machine.poses(c.q, g, absorption.still), absorption.still, station)
-        moved = [difference(seen(machine.poses(c.q, g, part), part, station), still) for part in parts]
-        np.save(folder / f"{name}.moved.npy", np.array(moved).reshape(-1, len(c.q), 6)[:, ~out])
+        away = [difference(seen(machine.poses(c.q, g, part), part, station), still) for part in parts]
+        np.save(folder / f"{name}.moved.npy", np.array(away).reshape(-1, len(c.q), 6)[:, ~out])
     robot = machine.robot
     if isinstance(machine, Arm):
         robot = "robot.urdf"
