@@ -9,8 +9,8 @@ other effects of the catalogue leave 63 or more, and unlisted ones of which they
 
 Of telescopes an energy counts relative to the noise with rough joints, and "near" is what of the list comes nearest. Their
 own table is of cases in which every effect is listed (each demanded one in a class; shares of the gap within 0.15, of the sites
-that have one or are said), of verdicts `unknown` (the strongest listed effect that is demanded is named, or one of the first
-two of `could_be`), and of innocents.
+that have one or are said, where a class counts at the site of the true effect that it holds), of verdicts `unknown` (the
+strongest listed effect that is demanded is named, or one of the first two of `could_be`), and of innocents.
 """
 
 from __future__ import annotations
@@ -89,20 +89,21 @@ def carried(case: dict[str, Any], diagnosis: dict[str, Any]) -> Row:
     strange = any(e["effect"].startswith("unlisted_") for e in case["effects"])
     causes, firm = diagnosis["causes"], bool(effects) and not strange
     classes = [{name(m) for m in c["class"]} for c in causes]
-    sites = {item["site"] for item in case["effects"] + causes} if firm else set()
+    true = [(e["site"], e["share"]) for e in case["effects"]]
     explained = diagnosis["gap"]["shrinkage"] or 0.0
-    missed = {
-        site: sum(e["share"] for e in case["effects"] if e["site"] == site)
-        - explained * sum(c["share"] for c in causes if c["site"] == site)
-        for site in sites
-    }
+    said = []
+    for cause, known in zip(causes, classes, strict=True) if firm else ():
+        where = next((e["site"] for e in case["effects"] if name(e) in known), cause["site"])
+        said.append((where, explained * cause["share"]))
+    sites = {site for site, _ in true + said} if firm else set()
+    missed = [sum(v for at, v in true if at == site) - sum(v for at, v in said if at == site) for site in sites]
     beside = diagnosis["verdict"] == "unknown" and bool(listed)
     first = {name(item) for item in diagnosis["unexplained"]["could_be"][:2]}.union(*classes)
     return {
         "all listed": int(firm),
         "in classes": int(firm and all(any(name(e) in k for k in classes) for e in listed)),
         "sites": len(sites),
-        "share within 0.15": sum(abs(v) <= WITHIN for v in missed.values()),
+        "share within 0.15": sum(abs(v) <= WITHIN for v in missed),
         "unknown beside a listed one": int(beside),
         "named or first two": int(beside and name(max(listed, key=lambda e: e["energy"])) in first),
         "innocent": int(not case["effects"]),
