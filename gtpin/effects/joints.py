@@ -108,10 +108,13 @@ class BearingCompliance(Effect):
     and the force on the tool. The unit vectors a and b are perpendicular to the joint's axis. The vectors are in the placement
     frame. Feet and bolts give way about axes of their own, which k_ab turns from a and b. The modulation: k_a and k_b depend on
     the magnitude of the moment. At a joint that the base carries, the base may rock in place of the bearing, about a point
-    between the joint and the origin of the base frame. It settles about this origin: by a tilt in proportion to the mean moment
-    and to 1 - exp(-t/T), with the time t since the first pose of the fit and T a fifth of its duration. This is a standard
-    linear solid whose load changes faster than it settles (Findley, Lai and Onaran 1976, ch. 5). A prediction for an earlier
-    time has the tilt of the first pose; one for a later time, or without ``time``, that of the last.
+    between the joint and the origin of the base frame, or aside from the axis: then the force along the axis tilts it, and the
+    moment shifts it along the axis, with the same two coefficients (Maxwell).
+
+    It settles about the origin of the base frame: by a tilt in proportion to the mean moment and to 1 - exp(-t/T), with the
+    time t since the first pose of the fit and T a fifth of its duration. This is a standard linear solid whose load changes
+    faster than it settles (Findley, Lai and Onaran 1976, ch. 5). A prediction for an earlier time has the tilt of the first
+    pose; one for a later time, or without ``time``, that of the last.
 
     Parameters: ``tilt``, the mean of k_a and k_b, positive where the bearing tilts in the direction of the moment;
     ``difference``, k_a less k_b; ``skew``, k_ab; ``stiffening``: by how much ``tilt`` increases when the moment becomes twice
@@ -160,8 +163,12 @@ class BearingCompliance(Effect):
             base = np.asarray(model.jointPlacements[joint_id].actInv(np.zeros(3)))  # its origin, in the frame
             rocks = np.concatenate([np.cross(turns, -base, axisa=1, axisb=0, axisc=1), np.zeros_like(turns)], axis=1)
             rocking = at.bodies.frame(frame.index)[0] @ turns
-            twist = np.concatenate([twist, rocks], axis=2)
-            sizes += [MODULATION.pivot] * 3
+            force = at.joint_loads[:, frame.index, :3] @ frame.axis
+            aside = force[:, None, None] * frame.across.T  # (N, 3 axes, 2 coefficients)
+            heaves = np.cross(aside, -base, axisa=1, axisb=0, axisc=1) + moment[:, None] * frame.axis[:, None]
+            twist = np.concatenate([twist, rocks, np.concatenate([heaves, aside], axis=1)], axis=2)
+            rocking = np.concatenate([rocking, at.bodies.frame(frame.index)[0] @ aside], axis=2)
+            sizes += [MODULATION.pivot] * 3 + [MODULATION.aside] * 2
             if at.has("time"):
                 late = (np.clip(at.time, -1.0, 1.0) + 1.0) / 2.0 if "time" in at.covariates else np.ones(len(at))
                 grown = float(np.linalg.norm(frame.across @ mean)) * (1.0 - np.exp(-late / SETTLES))
@@ -182,7 +189,7 @@ class BearingCompliance(Effect):
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         a, harder_a, b, harder_b, skew = (float(c) for c in coefficients[:5])
         found = {"tilt": (a + b) / 2.0, "difference": a - b, "skew": skew, "stiffening": (harder_a + harder_b) / 2.0}
-        if len(late := coefficients[8:]):
+        if len(late := coefficients[10:]):
             found["settling"] = float(np.hypot(*late))
         return {name: (value, "rad/(N m)") for name, value in found.items()}
 

@@ -55,6 +55,8 @@ class Modulation:
     pivot: float = 0.5
     """Tilt about the origin of the base frame over that about the first joint: the point about which a base rocks lies between
     the two. Assumed."""
+    aside: float = 0.2
+    """Distance, m, from a joint's axis of the point about which a base rocks. Assumed: bases have some 0.5 m."""
     settling: float = 0.5
     """Tilt by which a base settles over that which it has at once, as soft ground and wood creep under load. Assumed."""
     soft_clearance: float = 0.3

@@ -49,19 +49,31 @@ def test_a_telescope_bends_about_two_axes_and_by_more_with_its_extension(at: Ope
     )
 
 
-def rocking(settles: tuple[float, float] = (0.0, 0.0)) -> Floats:
+def rocking(settles: tuple[float, float] = (0.0, 0.0), aside: tuple[float, float] = (0.0, 0.0)) -> Floats:
     """Coefficients of a base that turns about the origin of the base frame: those of a tilt about the joint's and about it."""
     own = SKEWED[[0, 1, 0], [0, 1, 1]]
-    return np.concatenate([[own[0], 0.0, own[1], 0.0, own[2]], own, settles])
+    return np.concatenate([[own[0], 0.0, own[1], 0.0, own[2]], own, aside, settles])
 
 
 def test_a_base_rocks_about_a_skewed_line(at: OperatingPoints) -> None:
     alike(moved(at, "bearing_compliance", rocking()), truth(at, world.Machine(SKEWED, NONE)))
 
 
+def test_a_base_may_rock_about_a_point_aside_from_the_axis(at: OperatingPoints) -> None:
+    """But for the constant by which the weight lowers it."""
+    pivot = np.array([0.15, -0.1, 0.0])
+    mass, centre = world.weight(at.q)
+    turn = np.zeros((len(at), 3))
+    turn[:, :2] = np.cross(centre - pivot, mass * world.GRAVITY)[:, :2] @ SKEWED
+    expected = np.cross(turn, at.poses.T - pivot)
+    found = moved(at, "bearing_compliance", rocking(aside=tuple(SKEWED @ [0.1, 0.15])))
+    alike(found - found.mean(axis=0), expected - expected.mean(axis=0))
+    alike(found[:, :2], expected[:, :2])
+
+
 def test_a_base_that_settles_tilts_exponentially_under_its_mean_moment_and_then_stays(at: OperatingPoints) -> None:
     coefficients = rocking((3e-8, -2e-8))
-    coefficients[:8] = 0.0
+    coefficients[:10] = 0.0
     mass, centre = world.weight(at.q)
     moment = np.linalg.norm(np.cross(centre, mass * world.GRAVITY)[:, :2].mean(axis=0))
     end = np.cross(moment * np.array([3e-8, -2e-8, 0.0]), at.poses.T)  # about the origin of the base frame
