@@ -1,4 +1,4 @@
-"""Arms of turning joints: an own product of placements and turns, loads by statics, and the URDF that a dataset names."""
+"""Arms of turning joints, also on a telescope: an own product of placements and turns, loads by statics, and the URDF."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from motion import Array, Motion, Poses, transforms
 
 @dataclass(frozen=True)
 class Arm:
-    """Joints turn about their own z. Geometry: six errors of each joint's placement and of the tool's, in its own frame."""
+    """Joints turn about their own z. Geometry: six errors of each joint's placement and of the tool's, in its own frame.
+
+    A telescope has one command, q1, and stages that slide along their own z; placements, masses and centres begin with theirs.
+    """
 
     robot: str
     placements: tuple[
@@ -23,10 +26,21 @@ class Arm:
     overrun: tuple[float, float] = (0.02, 0.1)  # rad
     links: tuple[str, ...] = ()
     sliding: bool = False
+    stages: tuple[float, ...] = ()  # how far each stage of a telescope slides per metre of q1
+    rest: tuple[float, ...] = ()  # m, how far each stage reaches out of what carries it at q1 = 0: this length bends
+    pseudo: bool = False  # the joint of q1 carries nothing, and all stages follow it
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joint of each part."""
+        names = [f"j{k + 1}" for k in range(len(self.masses) - len(self.stages))]
+        first = 1 if self.pseudo else 0
+        return tuple([("column", "stage1", "stage2")[first + k] for k in range(len(self.stages))] + names)
 
     @property
     def sites(self) -> tuple[str, ...]:
-        return tuple(f"j{k + 1}" for k in range(len(self.masses)))
+        """The joint of each command."""
+        return (("column",) if self.stages else ()) + self.joints[len(self.stages) :]
 
     @property
     def tolerance(self) -> Array:
@@ -35,15 +49,20 @@ class Arm:
     def chain(self, q: Array, geometry: Array, motion: Motion) -> Array:
         """Frames (N, n + 1, 4, 4) of the joints, turned, and of the TCP, in the base frame."""
         errors = transforms(geometry.reshape(-1, 6))
-        angle = np.zeros((*q.shape, 6))
-        angle[..., 5] = q + motion.drive
-        turns = transforms(angle) @ transforms(motion.body)
+        travel = np.zeros((*q.shape, 6))
+        travel[..., 5] = q + motion.drive
+        turns = transforms(travel) @ transforms(motion.body)
         T = np.tile(np.eye(4), (len(q), 1, 1))
         frames = []
+        last = len(self.stages) - 1
         for k, place in enumerate(self.placements):
             T = T @ transforms(np.array([*place, 0.0, 0.0])) @ errors[k]
-            if k < q.shape[1]:
-                T = T @ turns[:, k]
+            if k <= last:
+                slide = np.tile(np.eye(4), (len(q), 1, 1))
+                slide[:, 2, 3] = self.stages[k] * travel[:, 0, 5]
+                T = T @ slide if k < last else T @ slide @ transforms(motion.body[:, 0])
+            elif k < len(self.masses):
+                T = T @ turns[:, k - max(last, 0)]
             frames.append(T)
         return np.stack(frames, axis=1)
 
@@ -52,9 +71,13 @@ class Arm:
         return T[:, :3, 3], T[:, :3, :3]
 
     def loads(self, q: Array, payload: Array, force: Array) -> tuple[Array, Array]:
-        """No rods; force and moment (N, n, 6) that each joint carries, at its origin and in its frame."""
-        n = q.shape[1]
-        T = self.chain(q, np.zeros(6 * (n + 1)), Motion.none(len(q), n, 0))
+        """No rods; force and moment (N, n, 6) that each commanded joint carries, at its origin and in its frame."""
+        return np.zeros((len(q), 0)), self.carried(q, payload, force)[:, max(len(self.stages) - 1, 0) :]
+
+    def carried(self, q: Array, payload: Array, force: Array) -> Array:
+        """Force and moment (N, parts, 6) that each part's joint carries, at its origin and in its frame."""
+        n = len(self.masses)
+        T = self.chain(q, np.zeros(6 * (n + 1)), Motion.none(len(q), q.shape[1], 0))
         down = np.array([0.0, 0.0, -9.81])
         at_tool = payload[:, None] * down + force
         wrench = np.zeros((len(q), n, 6))
@@ -68,7 +91,7 @@ class Arm:
                 moment = moment + np.cross(centre - origin, self.masses[k] * down)
             wrench[:, j, :3] = np.einsum("nji,nj->ni", R, pull)
             wrench[:, j, 3:] = np.einsum("nji,nj->ni", R, moment)
-        return np.zeros((len(q), 0)), wrench
+        return wrench
 
     def draw(self, rng: np.random.Generator, count: int) -> Array:
         """Commands (count, n) over the joints' travel, with the tool above the floor."""
@@ -88,17 +111,31 @@ class Arm:
                 "  </inertial></link>",
             ]
         lines.append('  <link name="tool0"/>')
+        travel = [(s * self.travel[0][0], s * self.travel[0][1]) for s in self.stages] + list(
+            self.travel[bool(self.stages) :]
+        )
+        if self.pseudo:
+            lines.append('  <link name="drive"/>')
+            lines.append('  <joint name="column" type="prismatic"><parent link="base_link"/><child link="drive"/>')
+            lines.append(
+                f'    <origin xyz="0 0 0" rpy="0 0 0"/>\n    <axis xyz="0 0 1"/>{limit(*self.travel[0])}</joint>'
+            )
         for k, (x, y, z, roll) in enumerate(self.placements):
             parent = "base_link" if k == 0 else f"l{k}"
             last = k == len(self.masses)
-            name, kind, child = ("tool", "fixed", "tool0") if last else (f"j{k + 1}", "revolute", f"l{k + 1}")
+            sort = "prismatic" if k < len(self.stages) else "revolute"
+            name, kind, child = ("tool", "fixed", "tool0") if last else (self.joints[k], sort, f"l{k + 1}")
             lines.append(f'  <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>')
             lines.append(f'    <origin xyz="{x} {y} {z}" rpy="{roll!r} 0 0"/>' + ("</joint>" if last else ""))
             if not last:
-                low, high = self.travel[k]
-                limit = f'<limit lower="{low}" upper="{high}" effort="500" velocity="3"/>'
-                lines.append(f'    <axis xyz="0 0 1"/>{limit}</joint>')
+                follows = k < len(self.stages) and name != "column"
+                mimic = f'<mimic joint="column" multiplier="{self.stages[k]}" offset="0"/>' if follows else ""
+                lines.append(f'    <axis xyz="0 0 1"/>{limit(*travel[k])}{mimic}</joint>')
         return "\n".join([*lines, "</robot>"]) + "\n"
+
+
+def limit(low: float, high: float) -> str:
+    return f'<limit lower="{low}" upper="{high}" effort="500" velocity="3"/>'
 
 
 H = float(np.pi / 2)

@@ -19,6 +19,7 @@ class Tracker:
     orientation_sigma: float | None
     free: bool
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    declared: bool = True  # the sigmas are told
 
     @property
     def unknowns(self) -> Array:
@@ -101,15 +102,19 @@ class Absorption:
         b = self.J.T @ r
         return float(r @ r - b @ self.solve @ b)
 
+    def moved(self, motion: Motion) -> float:
+        """How far the motion moves the TCP, m, rms."""
+        poses = self.machine.poses(self.q, np.zeros(len(self.machine.tolerance)), motion, self.start)
+        away = seen(poses, motion, np.array(self.machine.station))[0] - self.start[0]
+        return float(np.sqrt((away**2).sum(1).mean()))
+
     def scaled(self, motion: Motion, energy: float, largest: float) -> tuple[Motion, float]:
         """The motion with a factor that gives it `energy`, but at most `largest` (m, rms) at the TCP; and its energy."""
         size = max(np.abs(getattr(motion, name)).max(initial=0.0) for name in motion.__dataclass_fields__)
         motion = motion.times(1e-5 / size)
         for _ in range(4):
             motion = motion.times(float(np.sqrt(energy / max(self.energy(motion), 1e-12))))
-            poses = self.machine.poses(self.q, np.zeros(len(self.machine.tolerance)), motion, self.start)
-            moved = seen(poses, motion, np.array(self.machine.station))[0] - self.start[0]
-            rms = float(np.sqrt((moved**2).sum(1).mean()))
+            rms = self.moved(motion)
             if not rms <= largest:
                 motion = motion.times(largest / rms if np.isfinite(rms) else 1e-3)
         return motion, self.energy(motion)

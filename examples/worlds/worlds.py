@@ -1,4 +1,4 @@
-"""Draw the cases of a half and write them: ``python worlds.py FOLDER --seed N [--rods 40] [--arms 20]``.
+"""Draw the cases of a half and write them: ``python worlds.py FOLDER --seed N [--rods 40] [--arms 20] [--telescopes 0]``.
 
 Each case is a folder NAME (a dataset of gtpin) and NAME.truth.json, of a tracker's cases NAME.truth.csv too: the poses without
 noise at the commands that were left out (NAME/commands.csv). FOLDER/worlds.json tells mechanism, distance and energy, and
@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import telescopes
 from arms import ARMS, Arm
 from energy import Absorption, Instrument, Ranges, Tracker
 from mechanisms import MECHANISMS, Campaign, Machine, Mechanism
@@ -121,20 +122,62 @@ def write(folder: Path, name: str, machine: Machine, acts: list[Act], ranges: bo
     c, ids = campaign(machine, int(rng.integers(90, 121)), rng)
     gauge = instrument(machine, ranges, rng)
     absorption = Absorption(machine, gauge, c.q)
-    motion = absorption.still
-    found: list[dict[str, Any]] = []
+    found: list[tuple[str, str, Motion, float]] = []
     told: list[dict[str, Any]] = []
-    parts: list[Motion] = []
     for act in acts:
         k, where = site(machine, act.mechanism, rng)
         for effect, form, share in act.mechanism.forms(act.distance):
             shape = act.mechanism.shape(machine, c, k, form, rng)
             scaled, energy = absorption.scaled(shape, share * act.energy, LARGEST)
-            motion = motion.plus(scaled)
-            parts.append(scaled)
-            found.append({"effect": effect, "site": where, "energy": round(energy, 1)})
+            found.append((effect, where, scaled, energy))
         told.append({"mechanism": act.mechanism.name, "distance": act.distance, "site": where, "asked": act.energy})
+    needed = {need for act in acts for need in act.mechanism.needs}
+    effects = save_case(folder, name, machine, c, ids, gauge, absorption, found, needed, rng)
+    return {"robot": machine.robot, "instrument": type(gauge).__name__, "acts": told, "effects": effects}
+
+
+def write_telescope(folder: Path, name: str, names: tuple[str, ...], rng: Generator) -> dict[str, Any]:
+    """Draw and write an arm on a telescope, in which the parts that are named give way; what worlds.json tells of it.
+
+    Each effect has its share of the energies; `noise` is how much larger rough joints make the variance of the readings.
+    """
+    machine = telescopes.machine(rng)
+    c, ids = campaign(machine, 440 if rng.uniform() < 1 / 6 else 220, rng)
+    c = telescopes.campaign(machine, c, rng)
+    gauge = telescopes.instrument(machine, rng)
+    absorption = Absorption(machine, gauge, c.q)
+    found = telescopes.moved(machine, c, absorption, names, gauge.position_sigma, rng)
+    needed = {need for part in names for need in telescopes.PARTS[part].needs}
+    effects = save_case(folder, name, machine, c, ids, gauge, absorption, found, needed, rng)
+    total = sum(effect["energy"] for effect in effects)
+    for effect in effects:
+        effect["share"] = round(effect["energy"] / total, 3)
+    noise = 1.0 + sum(effect["energy"] for effect in effects if effect["effect"] == "unlisted_rough") / (3 * len(c.q))
+    about = {"parts": names, "stages": len(machine.stages), "pseudo": machine.pseudo, "noise": round(noise, 3)}
+    return {"robot": machine.robot, "instrument": type(gauge).__name__, "acts": [], "effects": effects} | about
+
+
+def save_case(
+    folder: Path,
+    name: str,
+    machine: Machine,
+    c: Campaign,
+    ids: list[str],
+    gauge: Instrument,
+    absorption: Absorption,
+    moved: list[tuple[str, str, Motion, float]],
+    needed: set[str],
+    rng: Generator,
+) -> list[dict[str, Any]]:
+    """Draw geometry and noise, write dataset and truth; each effect, its site and energy."""
+    found: list[dict[str, Any]] = []
+    for effect, where, _, energy in moved:
+        found.append({"effect": effect, "site": where, "energy": round(energy, 1)})
     truth = [t for t in found if t["energy"] >= SEEN]
+    parts = [part for _, _, part, _ in moved]
+    motion = absorption.still
+    for part in parts:
+        motion = motion.plus(part)
     g = np.clip(rng.standard_normal(len(machine.tolerance)), -2.5, 2.5) * 0.7 * machine.tolerance
     poses = machine.poses(c.q, g, motion)
     unknown = np.zeros(len(gauge.unknowns))
@@ -143,7 +186,7 @@ def write(folder: Path, name: str, machine: Machine, acts: list[Act], ranges: bo
     exact = gauge.read(poses, motion, unknown)
     data: dict[str, Any] = {"pose": ids}
     data |= {f"q{k + 1}": np.round(c.q[:, k], 6) for k in range(c.q.shape[1])}
-    data |= covariates(c, {need for act in acts for need in act.mechanism.needs}, rng)
+    data |= covariates(c, needed, rng)
     table = pd.DataFrame(data)
     single = table["pose"].map(table["pose"].value_counts()) == 1
     out = np.zeros(len(table), bool)
@@ -157,15 +200,15 @@ def write(folder: Path, name: str, machine: Machine, acts: list[Act], ranges: bo
         save(exact_table(table[out], exact[0][out], exact[1][out]), folder / f"{name}.truth.csv", 10)
         station = np.array(machine.station)
         still = seen(machine.poses(c.q, g, absorption.still), absorption.still, station)
-        moved = [difference(seen(machine.poses(c.q, g, part), part, station), still) for part in parts]
-        np.save(folder / f"{name}.moved.npy", np.array(moved).reshape(-1, len(c.q), 6)[:, ~out])
+        away = [difference(seen(machine.poses(c.q, g, part), part, station), still) for part in parts]
+        np.save(folder / f"{name}.moved.npy", np.array(away).reshape(-1, len(c.q), 6)[:, ~out])
     robot = machine.robot
     if isinstance(machine, Arm):
         robot = "robot.urdf"
         (case / robot).write_text(machine.urdf())
     (case / "dataset.toml").write_text(head.replace("ROBOT", robot))
     (folder / f"{name}.truth.json").write_text(json.dumps({"effects": truth}, indent=1) + "\n")
-    return {"robot": machine.robot, "instrument": type(gauge).__name__, "acts": told, "effects": found}
+    return found
 
 
 def difference(one: Poses, other: Poses) -> Array:
@@ -198,9 +241,11 @@ def write_tracker(
     save(table[out], case / "commands.csv", 9)
     sigma = f"orientation_sigma = {gauge.orientation_sigma!r}\n" if gauge.orientation_sigma is not None else ""
     place = "free" if gauge.free else "robot"
+    if gauge.declared:
+        sigma = f"position_sigma = {gauge.position_sigma!r}\n{sigma}"
     station = [0.0, 0.0, 0.0] if gauge.free else list(gauge.station)
     return (
-        f'schema = "gtpin-dataset/1"\nrobot = "ROBOT"\n\n[instrument]\nposition_sigma = {gauge.position_sigma!r}\n{sigma}'
+        f'schema = "gtpin-dataset/1"\nrobot = "ROBOT"\n\n[instrument]\n{sigma}'
         f'frame = "{place}"\nstation = {station}\n\n[conditions]\nreference_temperature = 20.0\n'
     )
 
@@ -244,8 +289,8 @@ def deck(family: str, cases: int, rng: Generator) -> list[list[Act]]:
     return result
 
 
-def make(folder: Path, seed: int, rods: int, arms: int) -> None:
-    """Write `rods` cases of the Gantry-Tau (one in eight with range readings) and `arms` cases of arms."""
+def make(folder: Path, seed: int, rods: int, arms: int, on_telescopes: int) -> None:
+    """Write cases of the Gantry-Tau (one in eight with range readings), of arms, and of arms on telescopes."""
     folder.mkdir(parents=True)
     told: dict[str, dict[str, Any]] = {}
     for family, cases in (("rods", rods), ("arms", arms)):
@@ -255,6 +300,9 @@ def make(folder: Path, seed: int, rods: int, arms: int) -> None:
             machine: Machine = GantryTau() if family == "rods" else ARMS[k % len(ARMS)]
             name = f"{family}{k:03d}"
             told[name] = write(folder, name, machine, acts, family == "rods" and k % 8 == 5, rng)
+    for k in range(on_telescopes):
+        name, names = f"telescopes{k:03d}", telescopes.ROUND[k % len(telescopes.ROUND)]
+        told[name] = write_telescope(folder, name, names, np.random.default_rng([seed, k, ord("t")]))
     (folder / "worlds.json").write_text(json.dumps(told, indent=1) + "\n")
 
 
@@ -270,8 +318,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--rods", type=int, default=40)
     parser.add_argument("--arms", type=int, default=20)
+    parser.add_argument("--telescopes", type=int, default=0)
     given = parser.parse_args()
-    make(given.folder, given.seed, given.rods, given.arms)
+    make(given.folder, given.seed, given.rods, given.arms, given.telescopes)
     for case in sorted(p.name for p in given.folder.iterdir() if p.is_dir()):
         print(case, digest(given.folder, case))
 

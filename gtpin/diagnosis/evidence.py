@@ -255,6 +255,16 @@ def marginal_power(groups: Groups[K], model: Posterior[K]) -> float:
     return groups.power - float(moment @ model.mean)
 
 
+def shares(groups: Groups[K], model: Posterior[K]) -> dict[K, float]:
+    """Squares of each term's displacements beyond what the geometry absorbs, over the sum of those of all terms.
+
+    Terms that can take each other's place have such shares too, while the gap without one of them is hardly larger.
+    """
+    parts = np.split(model.mean, np.cumsum(model.widths)[:-1])
+    squares = [float(c @ groups.block(t, t) @ c) for t, c in zip(model.terms, parts, strict=True)]
+    return {term: one / max(sum(squares), 1e-300) for term, one in zip(model.terms, squares, strict=True)}
+
+
 def given(groups: Groups[K], model: Posterior[K], term: K) -> tuple[Floats, Floats]:
     """(c, c) inner products of a group k with itself and (c,) with the residual, geometry and a model marginalised:
 

@@ -11,7 +11,7 @@ from gtpin.calibration.fit_state import unexplained_by
 from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.problem import Point, Problem
 from gtpin.diagnosis.design import Observed
-from gtpin.diagnosis.evidence import Posterior
+from gtpin.diagnosis.evidence import Posterior, shares
 from gtpin.diagnosis.hypothesis import Hypothesis, Term
 from gtpin.diagnosis.result import Cause
 from gtpin.diagnosis.search import HypothesisSet
@@ -233,7 +233,8 @@ def cause(
             alone = contender.recorded and contender.beside is None
             values = _in_its_place(hypotheses, found, named, other, active.references) if alone else {}
         members.append(replace(member, parameters=values))
-    return Cause(*hypothesis.place, own.probability, tuple(members), parameters, 0.0, found.nature(hypothesis))
+    share = shares(hypotheses.groups, found.model)[named]
+    return Cause(*hypothesis.place, own.probability, tuple(members), parameters, 0.0, found.nature(hypothesis), share)
 
 
 def _in_its_place(

@@ -64,6 +64,8 @@ class Cause:
         Explained fraction of the gap's power, given the other causes.
     nature
         The nature of the leader's effect: :attr:`gtpin.effects.effect.Effect.nature`.
+    share
+        Its share of the squares of all causes' displacements beyond what the geometry absorbs.
     """
 
     effect: str
@@ -73,6 +75,7 @@ class Cause:
     parameters: dict[str, Estimate]
     explained_fraction: float
     nature: Nature = "mechanism"
+    share: float = 1.0
     shrinkage = renamed("shrinkage", "explained_fraction")
 
 

@@ -94,6 +94,11 @@ def no_load(at: OperatingPoints) -> Untestable:
     return Untestable("no_load" if at.joint_loads.any() else "no_masses")
 
 
+SETTLES = 0.2
+"""Time constant with which a base settles, over the duration of a fit. Assumed; of constants of 0.1 to 0.5 it leaves less than
+a tenth of the squares."""
+
+
 class BearingCompliance(Effect):
     """dtheta = K M; dtheta is the tilt of the joint's placement frame about its origin, rad, and K a symmetric matrix:
 
@@ -103,14 +108,18 @@ class BearingCompliance(Effect):
     and the force on the tool. The unit vectors a and b are perpendicular to the joint's axis. The vectors are in the placement
     frame. Feet and bolts give way about axes of their own, which k_ab turns from a and b. The modulation: k_a and k_b depend on
     the magnitude of the moment. At a joint that the base carries, the base may rock in place of the bearing, about a point
-    between the joint and the origin of the base frame. As it settles, its compliance changes from the first pose of the fit to
-    the last. A prediction for an earlier time has the compliance of the first pose; one for a later time, or without
-    ``time``, that of the last.
+    between the joint and the origin of the base frame, or aside from the axis: then the force along the axis tilts it, and the
+    moment shifts it along the axis, with the same two coefficients (Maxwell).
+
+    It settles about the origin of the base frame: by a tilt in proportion to the mean moment and to 1 - exp(-t/T), with the
+    time t since the first pose of the fit and T a fifth of its duration. This is a standard linear solid whose load changes
+    faster than it settles (Findley, Lai and Onaran 1976, ch. 5). A prediction for an earlier time has the tilt of the first
+    pose; one for a later time, or without ``time``, that of the last.
 
     Parameters: ``tilt``, the mean of k_a and k_b, positive where the bearing tilts in the direction of the moment;
     ``difference``, k_a less k_b; ``skew``, k_ab; ``stiffening``: by how much ``tilt`` increases when the moment becomes twice
     the usual one, negative where the bearing becomes stiffer; where the base carries the joint and ``time`` is recorded,
-    ``settling``: by how much ``tilt`` increases from the first pose of the fit to the last. All are in rad/(N m).
+    ``settling``: the tilt in which it ends, over the mean moment. All are in rad/(N m).
 
     Typical size: 5e-6 rad/(N m): crossed roller bearings of medium gear units have some 2e5 N m/rad (catalogue values).
     """
@@ -154,27 +163,34 @@ class BearingCompliance(Effect):
             base = np.asarray(model.jointPlacements[joint_id].actInv(np.zeros(3)))  # its origin, in the frame
             rocks = np.concatenate([np.cross(turns, -base, axisa=1, axisb=0, axisc=1), np.zeros_like(turns)], axis=1)
             rocking = at.bodies.frame(frame.index)[0] @ turns
-            twist = np.concatenate([twist, rocks], axis=2)
-            sizes += [MODULATION.pivot] * 3
+            force = at.joint_loads[:, frame.index, :3] @ frame.axis
+            aside = force[:, None, None] * frame.across.T  # (N, 3 axes, 2 coefficients)
+            heaves = np.cross(aside, -base, axisa=1, axisb=0, axisc=1) + moment[:, None] * frame.axis[:, None]
+            twist = np.concatenate([twist, rocks, np.concatenate([heaves, aside], axis=1)], axis=2)
+            rocking = np.concatenate([rocking, at.bodies.frame(frame.index)[0] @ aside], axis=2)
+            sizes += [MODULATION.pivot] * 3 + [MODULATION.aside] * 2
             if at.has("time"):
-                late = np.clip(at.time, -1.0, 1.0) if "time" in at.covariates else np.ones(len(at))
-                settles = np.concatenate([np.zeros_like(turns), turns * late[:, None, None]], axis=1)
+                late = (np.clip(at.time, -1.0, 1.0) + 1.0) / 2.0 if "time" in at.covariates else np.ones(len(at))
+                grown = float(np.linalg.norm(frame.across @ mean)) * (1.0 - np.exp(-late / SETTLES))
+                turns = grown[:, None, None] * frame.across.T  # (N, 3 axes, 2 coefficients)
+                settles = np.concatenate([np.cross(turns, -base, axisa=1, axisb=0, axisc=1), turns], axis=1)
                 twist = np.concatenate([twist, settles], axis=2)
-                sizes += [MODULATION.settling] * 3
+                rocking = np.concatenate([rocking, at.bodies.frame(frame.index)[0] @ turns], axis=2)
+                sizes += [MODULATION.settling] * 2
         found = of_body(at, site, twist, unit(sizes, 5e-6))
         on_base = [3 * i for i, link in enumerate(at.robot.measured_links, 2) if not link.joint_id]
         if rocking is None or not on_base:
             return found
         seen = np.zeros((len(at), at.robot.motion_size, len(found)))
         for first in on_base:  # a link of the base turns with it, as far as the base rocks
-            seen[:, first : first + 3, 5:8] = rocking
+            seen[:, first : first + 3, 5:] = rocking
         return replace(found, twist=seen)
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         a, harder_a, b, harder_b, skew = (float(c) for c in coefficients[:5])
         found = {"tilt": (a + b) / 2.0, "difference": a - b, "skew": skew, "stiffening": (harder_a + harder_b) / 2.0}
-        if len(late := coefficients[8:]):
-            found["settling"] = float(late[0] + late[1])
+        if len(late := coefficients[10:]):
+            found["settling"] = float(np.hypot(*late))
         return {name: (value, "rad/(N m)") for name, value in found.items()}
 
 

@@ -55,8 +55,10 @@ class Modulation:
     pivot: float = 0.5
     """Tilt about the origin of the base frame over that about the first joint: the point about which a base rocks lies between
     the two. Assumed."""
+    aside: float = 0.2
+    """Distance, m, from a joint's axis of the point about which a base rocks. Assumed: bases have some 0.5 m."""
     settling: float = 0.5
-    """Change of a base's compliance over the time of a fit, as soft ground and wood creep under load. Assumed."""
+    """Tilt by which a base settles over that which it has at once, as soft ground and wood creep under load. Assumed."""
     soft_clearance: float = 0.3
     """Smooth transition of a play where the force is small. Assumed."""
     yielding: float = 0.15

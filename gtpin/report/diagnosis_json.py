@@ -87,6 +87,7 @@ def _cause(c: Cause) -> dict[str, Any]:
         "parameters": {name: _of(e, "value", "sigma", "unit") for name, e in c.parameters.items()},
         "shrinkage": c.explained_fraction,
         "nature": c.nature,
+        "share": c.share,
     }
 
 

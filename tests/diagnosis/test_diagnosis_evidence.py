@@ -19,6 +19,7 @@ from gtpin.diagnosis.evidence import (
     fixed,
     gain,
     given,
+    shares,
     tuned,
     without,
 )
@@ -199,3 +200,20 @@ def test_groups_that_the_geometry_takes_up_whole_have_a_posterior_in_spite_of_ro
     found = fixed(groups, tuple(groups.core), [100.0] * 8)
     assert np.isfinite(found.log_evidence)
     assert np.linalg.eigvalsh(found.covariance).min() >= -1e-6 * 100.0**2
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_shares_are_of_the_true_displacements_beyond_geometry_also_where_terms_overlap(seed):
+    rng = np.random.default_rng(seed)
+    m, B = 600, rng.standard_normal((600, 2))
+    alike = 10.0 * rng.standard_normal(m)
+    X, Z = (np.column_stack([alike + 3.0 * rng.standard_normal(m), rng.standard_normal(m)]) for _ in range(2))
+    moved = (X @ [1.0, 0.5] + 30.0 * B[:, 0], Z @ [0.6, -0.5])  # the geometry takes a part that is larger than all
+    off = [r - B @ np.linalg.lstsq(B, r, rcond=None)[0] for r in moved]
+    true = float(off[0] @ off[0]) / sum(float(r @ r) for r in off)
+    groups = Groups(Marginal(1e3 * B), sum(moved) + rng.standard_normal(m))
+    groups.add("x", X)
+    groups.add("z", Z)
+    found = shares(groups, tuned(groups, ("x", "z"), (1.0, 1.0)))
+    assert found["x"] + found["z"] == pytest.approx(1.0)
+    assert found["x"] == pytest.approx(true, abs=0.05)

@@ -49,36 +49,45 @@ def test_a_telescope_bends_about_two_axes_and_by_more_with_its_extension(at: Ope
     )
 
 
-def rocking(settles: float = 0.0) -> Floats:
+def rocking(settles: tuple[float, float] = (0.0, 0.0), aside: tuple[float, float] = (0.0, 0.0)) -> Floats:
     """Coefficients of a base that turns about the origin of the base frame: those of a tilt about the joint's and about it."""
     own = SKEWED[[0, 1, 0], [0, 1, 1]]
-    first = own * (1.0 + settles / 2.0)
-    return np.concatenate([[first[0], 0.0, first[1], 0.0, first[2]], own, own * settles / 2.0])
+    return np.concatenate([[own[0], 0.0, own[1], 0.0, own[2]], own, aside, settles])
 
 
 def test_a_base_rocks_about_a_skewed_line(at: OperatingPoints) -> None:
     alike(moved(at, "bearing_compliance", rocking()), truth(at, world.Machine(SKEWED, NONE)))
 
 
-def test_a_base_that_settles_tilts_by_more_from_pose_to_pose_and_then_stays(at: OperatingPoints) -> None:
-    """About the lift's own place, which the pivot's coefficients, constant in time, do not turn into the base's."""
-    coefficients = rocking(0.8)
-    coefficients[5:8] = 0.0
-    found, height = moved(at, "bearing_compliance", coefficients), np.array(world.OFFSETS[0][:3])
-    turn = np.zeros((len(at), 3))
+def test_a_base_may_rock_about_a_point_aside_from_the_axis(at: OperatingPoints) -> None:
+    """But for the constant by which the weight lowers it."""
+    pivot = np.array([0.15, -0.1, 0.0])
     mass, centre = world.weight(at.q)
-    part = np.linspace(0.0, 1.0, len(at))
-    turn[:, :2] = np.cross(centre - height, mass * world.GRAVITY)[:, :2] @ SKEWED * (1.0 + 0.8 * part)[:, None]
-    alike(found, np.cross(turn, at.poses.T - height))
-    alike(moved(at, "bearing_compliance", coefficients, without="time"), found / (1.0 + 0.8 * part)[:, None] * 1.8)
+    turn = np.zeros((len(at), 3))
+    turn[:, :2] = np.cross(centre - pivot, mass * world.GRAVITY)[:, :2] @ SKEWED
+    expected = np.cross(turn, at.poses.T - pivot)
+    found = moved(at, "bearing_compliance", rocking(aside=tuple(SKEWED @ [0.1, 0.15])))
+    alike(found - found.mean(axis=0), expected - expected.mean(axis=0))
+    alike(found[:, :2], expected[:, :2])
+
+
+def test_a_base_that_settles_tilts_exponentially_under_its_mean_moment_and_then_stays(at: OperatingPoints) -> None:
+    coefficients = rocking((3e-8, -2e-8))
+    coefficients[:10] = 0.0
+    mass, centre = world.weight(at.q)
+    moment = np.linalg.norm(np.cross(centre, mass * world.GRAVITY)[:, :2].mean(axis=0))
+    end = np.cross(moment * np.array([3e-8, -2e-8, 0.0]), at.poses.T)  # about the origin of the base frame
+    grown = 1.0 - np.exp(-5.0 * np.linspace(0.0, 1.0, len(at)))[:, None]
+    alike(moved(at, "bearing_compliance", coefficients), grown * end)
+    alike(moved(at, "bearing_compliance", coefficients, without="time"), (1.0 - np.exp(-5.0)) * end)
 
 
 def test_parameters_tell_the_axes_and_the_settling(at: OperatingPoints) -> None:
     effects, (a, b, skew) = effects_by_id(), SKEWED[[0, 1, 0], [0, 1, 1]]
-    base = effects["bearing_compliance"].parameters_at(at.robot, "lift", rocking(0.8), None)
-    assert base["tilt"][0] == pytest.approx(1.4 * (a + b) / 2.0)
-    assert base["settling"][0] == pytest.approx(0.8 * (a + b) / 2.0)
-    assert base["skew"][0] == pytest.approx(1.4 * skew)
+    base = effects["bearing_compliance"].parameters_at(at.robot, "lift", rocking((3e-8, -4e-8)), None)
+    assert base["tilt"][0] == pytest.approx((a + b) / 2.0)
+    assert base["settling"][0] == pytest.approx(5e-8)
+    assert base["skew"][0] == pytest.approx(skew)
     column = effects["cart_compliance"].parameters_at(at.robot, "lift", np.array([2.5, 1.5, 0.3, 0.0, 0.1]), None)
     assert {name: value for name, (value, _) in column.items()} == {
         "bending": 2.0,
