@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -287,6 +287,8 @@ class Scan:
         return best_scales(grams, moments, self.effect.core, self.priors)[0]
 
 
+FOLDS = 5
+"""Number of parts of the commands that are left out in turn to see whether lines hold at commands that did not choose them."""
 LEAST_SEEN = 1e-6
 """Smallest whitened motion by a drive, relative to the largest, of a row that shows the drive: it avoids a division by 0."""
 
@@ -299,7 +301,7 @@ class FittedLines:
     command; and their variance by the noise. ``lines``: for each line its (n, p) deviations of the travel less what the
     geometry and the other causes fit of them, m or rad. ``tried``: number of periods that were tried.
     ``effective_parameters``: effective number of the errors that the geometry and the other causes fit: this many are
-    missing in what is left.
+    missing in what is left. ``command``: (n,) the drive's own commands, m or rad.
     """
 
     errors: Floats
@@ -307,6 +309,7 @@ class FittedLines:
     lines: tuple[Floats, ...]
     tried: int
     effective_parameters: float = 0.0
+    command: Floats = field(default_factory=lambda: np.zeros(0))
 
     @staticmethod
     def of(design: Design, others: Floats, lines: Sequence[Floats], site: str, tried: int) -> FittedLines:
@@ -318,7 +321,8 @@ class FittedLines:
         ``others``: (N c, m) whitened displacements of the other causes, for coefficients of one prior sigma. ``lines``: for
         each line its own (N c, p). ``tried``: number of periods that were tried.
         """
-        along = design.by_command[:, :, design.operating_points.robot.sites.index(site)]
+        index = design.operating_points.robot.sites.index(site)
+        along, commands = design.by_command[:, :, index], design.operating_points.q[:, index]
         information = np.einsum("nc,nc->n", along, along)
         shown = information > LEAST_SEEN**2 * information.max()
         along, information = along[shown], information[shown]
@@ -342,7 +346,41 @@ class FittedLines:
             lines=tuple(np.split(left[:, 1:], len(lines), axis=1)),
             tried=tried,
             effective_parameters=float(2.0 * np.trace(hat) - np.einsum("ij,ji->", hat, hat)),
+            command=np.bincount(same, commands[shown]) / np.bincount(same),
         )
+
+    def held(self, periods: Floats) -> float:
+        """Share of the errors' power that lines explain at commands at which their periods were not chosen, over the share that
+        they explain where they were.
+
+        As many lines as there are in ``lines`` are chosen one after the other from the ``periods``, each the one that explains
+        most of what is left, with all coefficients fitted again (orthogonal matching pursuit, Pati et al. 1993): from all
+        errors, and from all but one of ``FOLDS`` random parts. Many periods follow any scatter at the commands that chose them.
+        """
+        weight = 1.0 / (self.variance + (self.errors**2).mean())
+        waves = np.exp(2j * np.pi * self.command[:, None] / periods)
+        parts = np.random.default_rng(0).permutation(len(self.errors)) % FOLDS
+        predicted = np.empty_like(self.errors)
+        for part in range(FOLDS):
+            out = parts == part
+            predicted[out] = self._predicted(waves, weight, ~out)[out]
+        whole = float(weight @ self.errors**2)
+        chosen = self._predicted(waves, weight, np.ones(len(parts), dtype=bool))
+        held, fitted = (1.0 - float(weight @ (self.errors - some) ** 2) / whole for some in (predicted, chosen))
+        return held / max(fitted, 1e-300)
+
+    def _predicted(self, waves: npt.NDArray[np.complex128], weight: Floats, some: npt.NDArray[np.bool_]) -> Floats:
+        """(n,) errors by lines that are chosen from ``waves`` (n, T) and fitted at ``some`` commands."""
+        root, left, chosen = np.sqrt(weight), np.where(some, self.errors, 0.0), list[Floats]()
+        found = np.zeros_like(left)
+        for _ in self.lines:
+            best = waves[:, int(np.argmax(np.abs((weight * left) @ waves)))]
+            chosen += [best.real, best.imag]
+            X = np.stack(chosen, axis=1)
+            fit = np.linalg.lstsq(X[some] * root[some, None], self.errors[some] * root[some], rcond=None)[0]
+            found = X @ fit
+            left = np.where(some, self.errors - found, 0.0)
+        return found
 
     def chance(self) -> float:
         """Upper bound of the probability that scatter without a period shows a line as significant as the best one.

@@ -12,6 +12,7 @@ import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.diagnosis import noise
 from gtpin.diagnosis.evidence import NOTHING
+from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.scan import FittedLines
 from gtpin.diagnosis.search import rough_guess
 
@@ -43,6 +44,32 @@ def searched(
         found.append(shapes[best])
         left = left - orthonormal[best] @ along[best]
     return FittedLines(errors, variance, tuple(found), len(FREQUENCIES), effective_parameters)
+
+
+def of_one_drive(kind: str, rng: np.random.Generator) -> FittedLines:
+    """Errors along a joint's own travel, with eight lines: of gears, or of what differs from pose to pose beside one turn."""
+    q, count = rng.uniform(0.0, 5.5, 200), 8
+    if kind == "gears":
+        cycles, sizes, phases = (
+            rng.uniform(3.0, 100.0, count),
+            rng.uniform(0.3, 1.0, count),
+            rng.uniform(0.0, 6.3, count),
+        )
+        errors = np.cos(q[:, None] * cycles + phases) @ sizes
+    else:
+        errors = rng.standard_normal(len(q)) + (0.5 * np.cos(q) if kind == "scatter and a turn" else 0.0)
+    errors = errors / errors.std() + 0.2 * rng.standard_normal(len(q))
+    lines = tuple(np.zeros((len(q), 2)) for _ in range(count))
+    return FittedLines(errors, np.full(len(q), 0.04), lines, 1000, command=q)
+
+
+@pytest.mark.parametrize(("kind", "holds"), [("gears", True), ("scatter", False), ("scatter and a turn", False)])
+def test_lines_of_gears_hold_at_commands_that_did_not_choose_them_and_those_of_scatter_do_not(
+    kind: str, holds: bool
+) -> None:
+    rng = np.random.default_rng(5)
+    periods = 2.0 * np.pi / np.arange(1.0, 202.0, 2.0 * np.pi / (6.0 * 5.5))
+    assert [of_one_drive(kind, rng).held(periods) >= PRIORS.lines_hold for _ in range(10)] == [holds] * 10
 
 
 @pytest.mark.slow
