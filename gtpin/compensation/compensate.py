@@ -91,7 +91,7 @@ def attempted(
         )
     check_wanted(T, R)
     machine = machine_of(model)
-    warn_of_other_times(machine.model.effects, model.robot, covariates or {})
+    warn_of_other_times(machine.effects, model.robot, covariates or {})
     kinematics = machine.kinematics
     q = np.tile(model.robot.home_q, (len(T), 1)) if start is None else real(start, "starts").copy()
     # With one or two actuators a position is met in the directions in which they move the TCP: the others are left open.
