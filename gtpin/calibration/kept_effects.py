@@ -62,7 +62,7 @@ def with_kept_effects(
             warn(
                 f"{cut} count as zero at angles that the earlier fit did not have, where they predict these poses worse"
             )
-    warn_of_extrapolation(found.model.effects, robot, dataset.q)
+    warn_of_extrapolation(found.model.effects, robot, dataset.q, dataset.covariates)
     return found
 
 

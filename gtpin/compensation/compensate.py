@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from gtpin.effects.active import warn_of_other_times
 from gtpin.effects.operating_points import Column
 from gtpin.errors import ConvergenceError, ModelError, UnreachableError, warn
 from gtpin.kinematics.inverse import check_wanted, commands_for, errors_of
@@ -94,6 +95,7 @@ def attempted(
         )
     check_wanted(T, R)
     machine = machine_of(model)
+    warn_of_other_times(machine.effects, model.robot, covariates or {})
     kinematics = machine.kinematics
     q = np.tile(model.robot.home_q, (len(T), 1)) if start is None else real(start, "starts").copy()
     # With one or two actuators a position is met in the directions in which they move the TCP: the others are left open.

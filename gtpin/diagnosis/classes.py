@@ -233,9 +233,9 @@ def with_two_instead(hypotheses: HypothesisSet, model: Posterior[Term], classes:
 def _with_both(
     members: Iterable[ClassMember], two: tuple[Hypothesis, ...], whole: float, each: float
 ) -> dict[tuple[str, str], ClassMember]:
-    """A class by places, its probabilities divided by ``whole``, in which each of two has ``each`` in addition."""
+    """A class by places, its probabilities divided by ``whole``, in which each of two or more has ``each`` in addition."""
     known = {m.hypothesis.place: replace(m, probability=m.probability / whole) for m in members}
-    for hypothesis, other in (two, two[::-1]):
+    for hypothesis, other in zip(two, (*two[1:], two[0]), strict=True):
         alone = known.get(hypothesis.place, ClassMember(hypothesis, 0.0, beside=other))
         known[hypothesis.place] = replace(alone, probability=alone.probability + each)
     return known
@@ -271,6 +271,36 @@ def with_shared_loads(hypotheses: HypothesisSet, model: Posterior[Term], classes
             known[cause.place] = replace(own, probability=own.probability + lacking, beside=None)
             known[other.place] = replace(second, probability=second.probability - lacking)
             found[cause] = members = ordered(known.values(), cause)
+    return found
+
+
+def with_all_actuators(hypotheses: HypothesisSet, model: Posterior[Term], classes: Classes) -> Classes:
+    """The classes in which one mechanism at all actuators may be in the place of a cause at all links.
+
+    Belts that stretch at every cart look like links that all stretch. Both are one cause at many parts of one build, so that
+    their prior odds are equal. Mechanisms are tried whose gains at the actuators sum to ``LEAST_SHARE`` of the cause's own or
+    more; the probability of the best is divided equally between the actuators. Not for robots without rods.
+    Study: tests/diagnosis/test_light_machines.py.
+    """
+    found = dict(classes)
+    mechanisms = {h.effect: None for h in hypotheses.linear if h.effect.nature == "mechanism"}
+    for cause, members in classes.items() if not hypotheses.long else ():
+        rest, best = without(hypotheses.groups, model, cause, sweeps=1), (0.0, tuple[Hypothesis, ...]())
+        own = model.log_evidence - rest.log_evidence
+        for effect in mechanisms if cause.site == "arm" else ():
+            sites = hypotheses.design.operating_points.robot.sites
+            alike = [h for h in hypotheses.linear if h.effect is effect and h.site in sites and h not in model.terms]
+            gains = hypotheses.gains(rest, alike)
+            if len(alike) > 1 and sum(gain.value for gain in gains.values()) >= LEAST_SHARE * own:
+                every = hypotheses.of((*rest.terms, *alike), (*rest.scale, *(1.0 for _ in alike)))
+                ahead = (every.log_evidence - model.log_evidence) / hypotheses.priors.temperature_of(own)
+                best = max(best, (exp(min(ahead, 0.0)), tuple(alike)), key=lambda one: one[0])
+        odds, several = best
+        leader = own_probability(members, cause)
+        whole = 1.0 + odds * leader
+        each = odds * leader / whole / max(len(several), 1)
+        if several and each >= CLASS_SHARE * leader / whole:
+            found[cause] = ordered(_with_both(members, several, whole, each).values(), cause)
     return found
 
 

@@ -112,7 +112,7 @@ class Priors:
     """Smallest whitened energy that an effect must have after geometry has absorbed what it can. Derived: a matched filter with
     95 % detections at 1 % false alarms, (z_0.95 + z_0.99)^2, z the quantile of the normal distribution."""
 
-    leaves: float = 0.05
+    leaves: float = 0.01
     """Share of an effect's whitened energy that geometry leaves, up to which geometry absorbs an effect that does not show.
     Above it, the effect is small. The share does not depend on the typical size. Assumed; it changes only words."""
 

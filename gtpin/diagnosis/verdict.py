@@ -8,7 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import expit
 
-from gtpin.diagnosis.classes import ClassMember, class_of, ranked, with_shared_loads, with_two_instead
+from gtpin.diagnosis.classes import (
+    ClassMember,
+    class_of,
+    ranked,
+    with_all_actuators,
+    with_shared_loads,
+    with_two_instead,
+)
 from gtpin.diagnosis.evidence import NOTHING, Posterior, fixed, marginal_power, tuned, without
 from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term, alike
 from gtpin.diagnosis.noise import SearchState, drive_beyond_noise, reestimate_noise
@@ -205,7 +212,7 @@ def decide(hypotheses: HypothesisSet, guess: Posterior[Term] = NOTHING) -> Concl
             del classes[cause]
     if not needed:  # where something is unknown, the second of two would explain that, not what the cause explains
         classes = dict(with_two_instead(hypotheses, named, classes))
-    classes = dict(with_shared_loads(hypotheses, named, classes))
+    classes = dict(with_all_actuators(hypotheses, named, with_shared_loads(hypotheses, named, classes)))
     doubts = tuple(Doubt("smooth_term", term.site, term.over) for term in needed)
     model, unknown = hypotheses.only(named, causes(named)), hypotheses.only(named, needed)
     found = Conclusion(model, classes, doubts, alone, unknown, likely=tuple(instead))

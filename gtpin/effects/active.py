@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -192,11 +192,14 @@ MARGIN = 0.05
 """Share of the fit's range by which commands may be outside it without a warning. Assumed; it changes no prediction."""
 
 
-def warn_of_extrapolation(effects: Iterable[ActiveEffect], robot: Chain, q: Floats) -> None:
-    """Warn of effects of an actuator's travel at commands q (N, n), m or rad, outside the range of their fit.
+def warn_of_extrapolation(
+    effects: Sequence[ActiveEffect], robot: Chain, q: Floats, covariates: Mapping[str, Column]
+) -> None:
+    """Warn of effects outside the range of their fit: of an actuator's travel at commands q (N, n), m or rad, and over time.
 
-    For robots with rods this range is not stored, and there is no warning.
+    For robots with rods the range of commands is not stored, and there is no warning of them.
     """
+    warn_of_other_times(effects, robot, covariates)
     for active in effects:
         low, high = active.references.commands
         if not active.effect.of_travel or active.only_measured or active.site not in robot.sites or not len(low):
@@ -210,4 +213,20 @@ def warn_of_extrapolation(effects: Iterable[ActiveEffect], robot: Chain, q: Floa
             warn(
                 f"{outside} of {len(q)} commands of {active.site} are outside {fitted}, where {active.name} was fitted: "
                 "its deviation there is extrapolated, and can be wrong"
+            )
+
+
+def warn_of_other_times(effects: Sequence[ActiveEffect], robot: Chain, covariates: Mapping[str, Column]) -> None:
+    """Warn of effects that change with ``time`` at times outside those of their fit."""
+    for active in effects:
+        with_time = "time" in (*active.effect.covariates(robot, active.site), *active.effect.uses)
+        if not with_time or "time" not in covariates or "time" not in active.references.covariates:
+            continue
+        start, span = active.references.time
+        time = np.atleast_1d(np.asarray(covariates["time"], dtype=float))
+        outside = int(((time < start - MARGIN * span) | (time > start + (1.0 + MARGIN) * span)).sum())
+        if outside:
+            warn(
+                f"{outside} of {len(time)} times are outside {start:.4g} to {start + span:.4g} s, where {active.name} was "
+                "fitted: how it changes with time is extrapolated, and can be wrong"
             )

@@ -165,6 +165,8 @@ class Effect(ABC):
     """The sites of a robot at which it can act, where they are those of a function of :mod:`gtpin.effects.sites`."""
     needs: tuple[str, ...] = ()
     """The covariates that it needs at each site."""
+    uses: tuple[str, ...] = ()
+    """The covariates that it uses where its fit had them, and does not need: a drift of a coefficient with ``time``."""
     depends_on: tuple[str, ...] = ()
     """The names that :meth:`coordinates` gives, where they are the same at each site and not the usual ones."""
 

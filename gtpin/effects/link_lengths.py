@@ -180,6 +180,7 @@ class ThermalLinks(Effect):
     coefficient = ("expansion", "1/K")
     acts_at = staticmethod(arm_and_links)
     needs = ("temp_link",)
+    uses = ("time",)
     core = (0,)
     plausible: ClassVar[Mapping[str, ParameterRange]] = {
         "expansion": ParameterRange(

@@ -123,6 +123,7 @@ class ThermalTrack(Effect):
     remedy = "Let the machine warm up, or use the corrected model with the frame's temperature measured."
     coefficient = ("expansion", "1/K")
     needs = ("temp_frame",)
+    uses = ("time",)
     of_travel = True
     core = (0, 1)
     plausible: ClassVar[Mapping[str, ParameterRange]] = {

@@ -46,7 +46,7 @@ def predicted(model: Model, commands: Commands) -> Poses:
             row=int(commands.row[outside[0]]),
             hint="leave it out, or use a model with straight tracks",
         )
-    warn_of_extrapolation(model.effects, robot, commands.q)
+    warn_of_extrapolation(model.effects, robot, commands.q, commands.covariates)
     try:
         return model.predict(commands.q, commands.covariates)
     except ModelError as error:

@@ -14,7 +14,7 @@ import gtpin
 from gtpin.diagnosis.result import Diagnosis
 
 BASES, NEAR, FAR, ZERO, TOOL = 0.06, 0.15, 0.2, (2.1817, 0.9599), 0.03
-"""Of the five-bar: half of the distance of its drives, lengths, m; the near links' angles at zero, rad; tool beyond the pin, m."""
+"""Of the five-bar: half of the distance of its drives, lengths, m; angles of its near links at zero, rad; tool, m."""
 
 
 def five_bar() -> str:
@@ -55,7 +55,8 @@ def warm_five_bar(seed: int, expansion: float) -> Diagnosis:
     along = pin - elbows(q, grown)[0]
     tool = pin + along / np.linalg.norm(along, axis=1, keepdims=True) * TOOL * grown[:, None]
     T = np.column_stack([tool, np.zeros(count)])
-    seen = Rotation.from_rotvec([0.02, -0.03, 0.7]).apply(T) + [0.8, -1.1, 0.2] + rng.normal(0.0, 2e-5, (count, 3))
+    place = np.array([0.8, -1.1, 0.2]) + rng.normal(0.0, 2e-5, (count, 3))
+    seen = Rotation.from_rotvec([0.02, -0.03, 0.7]).apply(T) + place
     return diagnosed(five_bar(), q, seen, {"temp_link": warm}, 2e-5)
 
 
@@ -117,12 +118,16 @@ CARTS = {("cart_compliance", site) for site in ("cart1", "cart2", "cart3")}
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
-def test_belts_that_stretch_at_all_carts_are_named_at_all_carts(seed: int) -> None:
-    found = on_belts(seed, 5e-6)
-    assert {(cause.effect, cause.site) for cause in found.causes} == CARTS
-    for cause in found.causes:
-        along = cause.parameters["along"]
-        assert abs(along.value - 5e-6) < 3.0 * along.sigma
+@pytest.mark.parametrize("compliance", [5e-6, 1.5e-5])
+def test_where_belts_stretch_at_all_carts_they_are_in_the_class_and_links_are_not_certain(
+    seed: int, compliance: float
+) -> None:
+    """Links that all stretch move a delta in nearly the same way."""
+    found = on_belts(seed, compliance)
+    assert found.verdict != "none"
+    held = {(member.effect, member.site) for cause in found.causes for member in cause.members}
+    assert held >= CARTS or found.verdict == "unknown"
+    assert not [cause for cause in found.causes if cause.probability >= 0.95 and cause.effect != "cart_compliance"]
 
 
 @pytest.mark.slow

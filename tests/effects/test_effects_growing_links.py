@@ -6,6 +6,7 @@ from effect_places import EFFECTS, active, moved, nominal_at
 from growing_links import MACHINES, SITES, longer
 
 import gtpin
+from gtpin.model.predict import predict
 from gtpin.robot.description import RobotDescription
 
 STRAIN, WARM = 1e-5, 10.0
@@ -43,3 +44,19 @@ def test_all_links_grow_by_what_each_link_does(name: str) -> None:
     at = nominal_at(robot, q, {"temp_link": np.linspace(15.0, 40.0, 12)})
     every, *each = (EFFECTS["thermal_links"].basis(at, site).displacement(at) for site in ("arm", *SITES[name]))
     np.testing.assert_allclose(every, np.sum(each, axis=0), rtol=0, atol=1e-12)
+
+
+def test_a_prediction_at_a_later_time_than_the_fit_s_is_warned_of() -> None:
+    """How an expansion changes with time is known within the time of the fit."""
+    robot = robot_of(MACHINES["five_bar"])
+    q = np.zeros((3, 2))
+    at = nominal_at(robot, q, {"temp_link": np.array([20.0, 25.0, 30.0]), "time": np.array([0.0, 500.0, 1000.0])})
+    model = gtpin.Model(
+        at.kinematics.geometry, effects=(active("thermal_links", "arm", np.array([1e-5, 0.0, 1e-6]), at.references),)
+    )
+    later = {"temp_link": np.full(3, 25.0), "time": np.array([100.0, 1020.0, 3000.0])}
+    commands = gtpin.Commands(np.array(["a", "b", "c"]), q, later)
+    with pytest.warns(
+        gtpin.GtpinWarning, match="1 of 3 times are outside 0 to 1000 s, where thermal_links@arm was fitted"
+    ):
+        predict(model, commands)

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from effect_places import basis, operating_points
+from effect_places import basis, drawn, operating_points
 from growing_links import parallelogram as urdf_of
 
 import gtpin
@@ -59,3 +59,17 @@ def test_links_of_a_robot_of_one_shape_are_more_flexible_by_the_fourth_power_of_
 def test_links_of_a_large_robot_have_the_size_that_is_documented() -> None:
     at = nominal(parallelogram(3.0))
     assert basis("link_compliance", "arm", at).sigma[0] == pytest.approx(1e-5)
+
+
+@pytest.mark.parametrize(("effect", "site"), [("cart_compliance", "cart1"), ("link_compliance", "arm")])
+def test_light_robots_with_rods_deflect_as_far_under_their_usual_load_as_others(effect: str, site: str) -> None:
+    def typical(robot: str, payload: float) -> tuple[float, float]:
+        zeros = np.zeros(30)
+        at = operating_points(kinematics=drawn(robot), payload=zeros + payload, fx=zeros, fy=zeros, fz=zeros)
+        usual = float(np.sqrt((at.force**2).mean()))
+        return float(basis(effect, site, at).sigma[0]), usual
+
+    (size, force), (heavier, more) = typical("linear_delta", 0.0), typical("linear_delta", 4.0)
+    assert more > 1.2 * force
+    assert size * force == pytest.approx(heavier * more, rel=1e-6)
+    assert typical("gantry_tau", 0.0)[0] == typical("gantry_tau", 20.0)[0] < heavier
