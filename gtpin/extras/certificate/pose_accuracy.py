@@ -9,6 +9,7 @@ import numpy.typing as npt
 from scipy.special import logsumexp
 
 from gtpin.accuracy.expected import mean_length
+from gtpin.calibration.fit_state import LACK_OF_FIT
 from gtpin.distributions import chi2
 from gtpin.extras.certificate.quantity import Quantity, blank
 from gtpin.noise.estimate import LEAST_CONTRASTS, contrasts
@@ -18,8 +19,6 @@ CYCLES = 30
 """Number of visits of one pose that ISO 9283 requires."""
 WIDE, FINE = 8.0, 501
 """Standard deviations of a mean square about its estimate, and number of values between, at which its density is computed."""
-WRONG = 0.01
-"""Chance of so small a scatter below which the declared noise counts as wrong. Assumed."""
 ANGLES = ("RP_a", "RP_b", "RP_c")
 """Repeatabilities of orientation about the axes x, y and z."""
 
@@ -81,7 +80,7 @@ class Scatter:
         """The scatter of three components with the instrument's declared noise, per axis, as its least; without it where none
         was declared, or where the visits scatter by so much less (chi-square) that the declared noise is wrong."""
         declared, count = 3.0 * (sigma or 0.0) ** 2, 3.0 * self.repeats
-        if declared == 0.0 or chi2.cdf(count * self.trace / declared, count) < WRONG:
+        if declared == 0.0 or chi2.cdf(count * self.trace / declared, count) < LACK_OF_FIT:
             return self
         return replace(self, least=declared)
 
