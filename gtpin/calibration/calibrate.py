@@ -27,7 +27,6 @@ from gtpin.data.plausible import check_actuators
 from gtpin.distributions import chi2
 from gtpin.effects.active import ActiveEffect
 from gtpin.errors import DatasetError, ModelError, check_kind, noted, unheard, warn
-from gtpin.instruments.instrument import up_of
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.memory import amount, require
@@ -349,7 +348,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tra
         u=readings.u,
         u_covariance=final.covariance[p : p + k, p : p + k] * np.outer(problem.unit, problem.unit),
         doubt=settled.doubt,
-        remedies=remedies(settled.fit, unseen, up_of(geometry.robot)),
+        remedies=remedies(settled.fit, unseen, geometry.robot.up),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -27,6 +28,7 @@ from gtpin.errors import GtpinError, GtpinWarning, warn
 from gtpin.export.box import Box
 from gtpin.export.export import export as run_export
 from gtpin.export.export import format_names, writer_of
+from gtpin.export.loss import not_determined
 from gtpin.export.writer import TablesFor
 from gtpin.extensions import extension
 from gtpin.model.measured_robot import check_alike
@@ -124,8 +126,11 @@ def export(
     notes = [str(warning.message) for warning in noticed]
     for note in notes:
         warn(note)
-    result = {"robot": found.robot.name, "written": [str(file) for file in written], "warnings": notes}
-    tell(result, "Written: " + ", ".join(result["written"]), as_json)
+    files = [str(file) for file in written]
+    parts = not_determined(found) if as_json else None
+    result: dict[str, object] = {"robot": found.robot.name, "written": files, "warnings": notes}
+    result |= {} if parts is None else {"not_determined": asdict(parts)}
+    tell(result, "Written: " + ", ".join(files), as_json)
 
 
 def _believed(model: Model, controller: str) -> Model:

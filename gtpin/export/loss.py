@@ -196,17 +196,24 @@ def assumed_tool(model: Model) -> tuple[str, ...]:
     )
 
 
+def not_determined(model: Model) -> Undetermined | None:
+    """What the data of a fit do not determine of the geometry, at commands that fill its ranges; None where not known."""
+    tool, size = model.of_tool(), len(model.geometry.parameters)
+    covariance = tool.covariance if tool.joint_covariance is None else tool.joint_covariance[:size, :size]
+    if covariance is None:
+        return None
+    q, poses = postures(tool)
+    return Undetermined.of(model, tool.kinematics.geometry_jacobian(q, poses)[:, :3] @ root_of(covariance), poses)
+
+
 def assumed_base(model: Model) -> tuple[str, ...]:
     """What is assumed of where the machine stands, as a text, as far as no instrument shows it; else none."""
     if not free_motions(model).size:
         return ()
     words = "is in the base frame, as the tolerances give it: no instrument shows where the base stands"
-    tool, size = model.of_tool(), len(model.geometry.parameters)
-    covariance = tool.covariance if tool.joint_covariance is None else tool.joint_covariance[:size, :size]
-    if covariance is None:
+    parts = not_determined(model)
+    if parts is None:
         return (words,)
-    q, poses = postures(tool)
-    parts = Undetermined.of(model, tool.kinematics.geometry_jacobian(q, poses)[:, :3] @ root_of(covariance), poses)
     sits = f"where the tool sits, {um(parts.tool)} um; " if parts.tool else ""
     return (
         f"{words} (expected at the TCP: {um(parts.base)} um; {sits}everything else of the geometry, {um(parts.rest)} um)",

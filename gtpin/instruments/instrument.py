@@ -189,7 +189,7 @@ class Instrument(ABC):
     @cached_property
     def up(self) -> Floats:
         """(3,) unit vector against gravity, base frame."""
-        return up_of(self.robot)
+        return self.robot.up
 
     @property
     def name(self) -> str:
@@ -305,10 +305,3 @@ class Instrument(ABC):
 
     def check(self) -> None:  # noqa: B027
         """Raise `RowError` for an impossible reading; accept all readings by default."""
-
-
-def up_of(robot: Chain) -> Floats:
-    """(3,) unit vector against gravity, base frame; along z where the robot has no gravity."""
-    gravity = np.array(robot.description.gravity, dtype=float)
-    size = float(np.linalg.norm(gravity))
-    return -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])

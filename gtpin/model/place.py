@@ -6,7 +6,6 @@ import numpy as np
 from scipy.linalg import eigh
 
 from gtpin.data.instrument_tables import shows_place
-from gtpin.instruments.instrument import up_of
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.model.model import Model
 from gtpin.real import generator
@@ -81,8 +80,7 @@ def _declared_places(model: Model) -> Floats:
     if not model.frame.is_base:
         return np.zeros((6, 6))
     if model.instruments:
-        up = up_of(model.robot)
-        return np.asarray(sum(one.table.place_information(up) for one in model.instruments))
+        return np.asarray(sum(one.table.place_information(model.robot.up) for one in model.instruments))
     return shows_place(0.0, np.eye(6))
 
 

@@ -13,6 +13,7 @@ from gtpin.calibration.result import Calibration, InstrumentFit
 from gtpin.data.read_instruments import SIGMAS
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.errors import UnreachableError
+from gtpin.model.place import free_motions
 from gtpin.report.words import joined, length, quantity
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
@@ -70,7 +71,7 @@ IN_DOUBT = "The geometry is in doubt: the target does not look to be where it is
 
 def best_frame(c: Calibration) -> str:
     """That the error of the nominal geometry is after a fit of the instrument's frame, where that is free; or nothing."""
-    return " after the best fit of the frame" if c.model.stands_anywhere else ""
+    return " after the best fit of the frame" if free_motions(c.model).shape[1] == 6 else ""
 
 
 def nominal_words(c: Calibration) -> str:

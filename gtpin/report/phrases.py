@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -26,6 +25,7 @@ TURN = 2.0 * np.pi
 """One turn, rad."""
 OVERLAP = 0.03
 """Difference between the sum of shares and their common share from which they overlap."""
+ORDINALS = {"1": "1st", "2": "2nd", "3": "3rd"}
 REASONS = {
     "missing": "the covariate {covariate} is missing",
     "unusable": "the values of the covariate {covariate} can't be used: a warning says why",
@@ -181,8 +181,11 @@ def parameter_rows(cause: Cause) -> list[list[str]]:
 
 
 def _in_words(name: str) -> str:
-    """The name of a parameter of an effect; ``end_to_end[2]`` is what goes with the range of the second other drive."""
-    return re.sub(r"^end to end\[(\d+)\]$", r"over the range of other drive \1", name.replace("_", " "))
+    """The name of a parameter of an effect; ``end_to_end[2]`` is the change along the range of the second other drive."""
+    words, _, number = name.replace("_", " ").rstrip("]").partition("[")
+    if words != "end to end" or not number:
+        return name.replace("_", " ")
+    return f"{ORDINALS.get(number, f'{number}th')} other drive"
 
 
 def _periodic(name: str, unit: str) -> bool:

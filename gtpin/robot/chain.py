@@ -287,6 +287,13 @@ class Chain(ConstrainedModel):
         return tuple(rod.carrier for rod in self.rods)
 
     @property
+    def up(self) -> Floats:
+        """(3,) unit vector against gravity, base frame; along z where the robot has no gravity."""
+        gravity = np.array(self.description.gravity, dtype=float)
+        size = float(np.linalg.norm(gravity))
+        return -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
+
+    @property
     def carrier_joints(self) -> Floats:
         """(n, 3) by actuator, the mean position of the joints on its carrier with all commands zero, base frame, m."""
         C = np.array([rod.C for rod in self.rods])

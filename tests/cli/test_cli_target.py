@@ -169,6 +169,9 @@ def test_tables_of_a_drive_tell_the_error_of_the_tool_and_not_how_far_off_the_ta
     rest = re.search(r"where the tool sits, (\S+) um; everything else, (\S+) um", ran.err)
     assert rest is not None
     assert "The file holds the model exactly" in ran.err
+    parts = json.loads(called("export", tmp_path / "model", "-o", file, "--force", "--json").out)["not_determined"]
+    assert 1e6 * parts["tool"] == pytest.approx(float(rest[1]), rel=0.01)
+    assert parts["base"] > parts["tool"] > parts["rest"] > 0.0
     rows = [row for row in csv.DictReader(file.open(encoding="utf-8")) if row["actuator"] == "elbow_joint"]
     nominal, forward = (np.array([float(row[name]) for row in rows]) for name in ("nominal", "forward"))
     told = q.copy()

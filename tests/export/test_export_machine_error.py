@@ -17,7 +17,7 @@ from with_effects import active
 
 import gtpin
 from gtpin.compensation.machine import machine_at
-from gtpin.data.instrument_tables import InstrumentTable, PlaneTable, TrackerTable
+from gtpin.data.instrument_tables import InstrumentTable, PlaneTable, RangeTable, TiltTable, TrackerTable
 from gtpin.export import Box
 from gtpin.extras.controllers.machine_error import (
     Left,
@@ -180,6 +180,30 @@ UP, ASIDE = {"point": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]}, {"point": [0.
 def test_touches_of_one_plane_alone_show_no_place_on_it(tables: list[InstrumentTable], one: bool) -> None:
     model = gtpin.read_model("linear_delta")
     assert touches_one_plane(replace(model, instruments=tuple(FittedInstrument(table) for table in tables))) is one
+
+
+FREE, AT_TCP = TrackerTable(name="a", kind="tracker", target="free"), TrackerTable(name="b", kind="tracker")
+RANGE = RangeTable(name="c", kind="range", stations={"S": (1.0, 0.0, 0.0)})
+
+
+@pytest.mark.parametrize(
+    ("tables", "free"),
+    [
+        ([FREE], True),
+        ([FREE, FREE], True),
+        ([FREE, TiltTable(name="t", kind="tilt")], True),  # it has no target
+        ([FREE, AT_TCP], False),
+        ([RANGE.model_copy(update={"target_sigma": 5e-3})], True),  # ten times the tolerance of the tool
+        ([RANGE.model_copy(update={"target_sigma": 1e-4})], False),
+        ([TiltTable(name="t", kind="tilt")], False),
+        ([], False),
+    ],
+)
+def test_the_tool_is_not_shown_where_the_place_of_every_target_was_unknown(
+    tables: list[InstrumentTable], free: bool
+) -> None:
+    model = gtpin.read_model("ur5")
+    assert replace(model, instruments=tuple(FittedInstrument(table) for table in tables)).free_target is free
 
 
 @pytest.mark.parametrize("height", [0.05, 0.1, 0.2])

@@ -226,7 +226,7 @@ def test_a_value_that_is_rounding_is_zero() -> None:
 
 
 def test_a_coupling_is_told_by_the_drive_that_it_goes_with() -> None:
-    assert parameter("end_to_end[2]", -3e-4, "rad")[0] == "over the range of other drive 2"
+    assert parameter("end_to_end[2]", -3e-4, "rad")[0] == "2nd other drive"
     assert parameter("end_to_end", -3e-4, "rad")[0] == "end to end"
     said = size_words({"end_to_end[1]": Estimate(-3e-4, 1e-5, "rad")})
-    assert said == "over the range of other drive 1 −300\u00a0µrad"
+    assert said == "1st other drive −300\u00a0µrad"

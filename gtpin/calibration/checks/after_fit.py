@@ -377,7 +377,7 @@ def _warn_of_deviations(settled: FitState, readings: Readings) -> None:
     known = seen.variance_reduction > UNSEEN
     along = seen.directions[:, known].T @ x
     chance = chi2.sf(float((along**2 / seen.variance_reduction[known]).sum()), max(int(known.sum()), 1))
-    far = far_from_declared(settled.deviation, settled.geometry.names)
+    far = far_from_declared(settled.deviation, settled.geometry.names, "tolerances")
     if not far and chance < limits.GEOMETRY_CHANCE:
         text = f"the geometry as a whole is farther from nominal than its tolerances allow (chance {chance:.1g})"
         hint = "check commands, known distances, and what is declared of the instruments, or give larger tolerances"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -89,8 +89,7 @@ class Evaluation:
         noise, pooled, declared = self.corrected.noise, Scatter.of(self.rows.visits, held.errors), self.rows.instrument
         position = part.start == 0
         if pooled is not None:
-            known = declared.position_sigma if position else declared.orientation_sigma
-            return replace(pooled.part(part), least=3.0 * (known or 0.0) ** 2)
+            return pooled.part(part).with_noise(declared.position_sigma if position else declared.orientation_sigma)
         sigma = noise.position_sigma if position else noise.orientation_sigma
         return Scatter((0.0 if self.noise_known == "no" else sigma**2) * np.eye(3), np.inf)
 

@@ -9,6 +9,8 @@ import numpy.typing as npt
 from scipy.special import logsumexp
 
 from gtpin.accuracy.expected import mean_length
+from gtpin.calibration.fit_state import LACK_OF_FIT
+from gtpin.distributions import chi2
 from gtpin.extras.certificate.quantity import Quantity, blank
 from gtpin.noise.estimate import LEAST_CONTRASTS, contrasts
 from gtpin.typing import Floats
@@ -73,6 +75,14 @@ class Scatter:
     def part(self, part: slice) -> Scatter:
         """The scatter of some of the components."""
         return replace(self, covariance=self.covariance[part, part])
+
+    def with_noise(self, sigma: float | None) -> Scatter:
+        """The scatter of three components with the instrument's declared noise, per axis, as its least; without it where none
+        was declared, or where the visits scatter by so much less (chi-square) that the declared noise is wrong."""
+        declared, count = 3.0 * (sigma or 0.0) ** 2, 3.0 * self.repeats
+        if declared == 0.0 or chi2.cdf(count * self.trace / declared, count) < LACK_OF_FIT:
+            return self
+        return replace(self, least=declared)
 
     @property
     def trace(self) -> float:

@@ -17,7 +17,6 @@ from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions, SimulatedN
 from gtpin.bench.simulator.truth import InstrumentCase
 from gtpin.data import Dataset
 from gtpin.errors import GtpinError
-from gtpin.instruments.instrument import up_of
 from gtpin.instruments.readings import Readings, single
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses
@@ -115,7 +114,7 @@ def test_every_row_is_an_equation_that_pinocchio_s_kinematics_of_the_true_geomet
     true = Kinematics(geometry.with_values(geometry.values + off))
     for kind in ALL:
         poses = true.forward(written.commands(TABLES[kind]))
-        assert np.abs(misses(written, kind, poses, up_of(nominal))).max() < EXACT, kind
+        assert np.abs(misses(written, kind, poses, nominal.up)).max() < EXACT, kind
         assert len(poses) >= 8
 
 
