@@ -254,7 +254,7 @@ def nominal_residual(problem: Problem, near: Poses) -> Floats:
     ``near``: (N) poses of the nominal geometry, base frame.
     """
     readings, start = problem.measured, problem.start
-    if readings.tracked and problem.free_frame:
+    if problem.free_frame:
         measured = problem.poses
         start = replace(start, frame=Frame(*aligned(near, measured.T, measured.R, np.ones(len(near)), POSITIONS)))
     return with_unknowns(readings, near, reported=True).residual(start, near)

@@ -10,7 +10,9 @@ import numpy as np
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset, by_region
 from gtpin.data.duplicates import copies
+from gtpin.diagnosis.changed_geometry import in_geometry
 from gtpin.diagnosis.design import Design, Observed
+from gtpin.diagnosis.doubts import out_of_range
 from gtpin.diagnosis.earlier import (
     Earlier,
     Usable,
@@ -29,10 +31,11 @@ from gtpin.diagnosis.joint_fit import cause
 from gtpin.diagnosis.noise import floor_of
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.diagnosis.propose import propose
-from gtpin.diagnosis.result import Doubt, HealthCheck, Smallest
+from gtpin.diagnosis.result import Cause, Doubt, HealthCheck, Smallest
 from gtpin.diagnosis.search import HypothesisSet
 from gtpin.diagnosis.verdict import Conclusion, considered, decide
 from gtpin.distributions import chi2
+from gtpin.effects.active import ActiveEffect
 from gtpin.model.model import Model
 from gtpin.typing import Floats
 
@@ -258,10 +261,47 @@ class _Tried:
         level = threshold(sampler, priors.named_alarms * scope.false_alarm, ALARM_DRAWS, rng)
         hypotheses = sampler.hypotheses.at_threshold(level)
         found = decide(hypotheses)
+        while impossible := _impossible(earlier, hypotheses, found, assumed):
+            hypotheses = hypotheses.barring(impossible)
+            found = decide(hypotheses)
         by_chance = chance(sampler, marginal_power(hypotheses.groups, found.model), ALARM_DRAWS, rng)
         if by_chance < (1.0 - priors.named_alarms) * scope.false_alarm:
             found = found.only(hypotheses, found.sure()).doubted(Doubt("chi_square"))
         return _Tried(data, sampler, assumed, hypotheses, found)
+
+
+def _changed(
+    earlier: Earlier, hypotheses: HypothesisSet, found: Conclusion
+) -> tuple[Model, list[tuple[Hypothesis, ActiveEffect, Cause]]]:
+    """The earlier model with the named changes, and each of these with its coefficients and its class."""
+    named, columns = list(found.classes), hypotheses.columns(found.model)
+    model, active = updated(earlier, hypotheses.design, named, [found.scale[c] for c in named], columns)
+    # The earlier model may have another effect of the same name.
+    return model, [
+        (one, own, cause(replace(model, effects=(own,)), one, found, one, hypotheses))
+        for own, one in zip(active, named, strict=True)
+    ]
+
+
+def _impossible(
+    earlier: Earlier, hypotheses: HypothesisSet, found: Conclusion, assumed: Sequence[str]
+) -> set[tuple[str, str]]:
+    """Members of classes with a parameter that physics does not allow, as in a diagnosis; effects and sites.
+
+    Where a change of temperature is ``assumed``, it may have either sign, and so may the parameter.
+    """
+    robot, effects = earlier.model.robot, {h.effect.id: h.effect for h in hypotheses.linear}
+    places = set()
+    for _, _, one in _changed(earlier, hypotheses, found)[1]:
+        for member in one.members:
+            effect, own = effects[member.effect], dict(member.parameters)
+            either = [own]
+            if set(effect.covariates(robot, member.site)) & set(assumed):
+                either.append({name: replace(e, value=-e.value) for name, e in own.items()})
+            asked = [out_of_range(effect, member.site, one_sign, hypotheses.priors) for one_sign in either]
+            if all(any(not question.believed for question in each) for each in asked):
+                places.add((member.effect, member.site))
+    return places
 
 
 def _without_gross(tried: _Tried, earlier: Earlier, scope: Scope, rng: np.random.Generator) -> _Tried:
@@ -295,17 +335,14 @@ def _gross(design: Design, columns: Floats, priors: Priors) -> int | None:
 def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng: np.random.Generator) -> HealthCheck:
     """The result, with everything that reports show."""
     found, hypotheses, data = tried.conclusion, tried.hypotheses, tried.data
-    design, named, used = hypotheses.design, list(found.classes), tried.data.dataset
-    columns = hypotheses.columns(found.model)
-    model, active = updated(earlier, design, named, [found.scale[c] for c in named], columns)
+    design, used = hypotheses.design, tried.data.dataset
+    model, changed = _changed(earlier, hypotheses, found)
     # Every pose is left out in turn; of readings, all of one stop of the machine.
     together = np.arange(len(used)) if design.measured.tracked else used.visits
     floor, blocks = _floor(tried, earlier), [together == one for one in np.unique(together)]
     whole, less = gaps(hypotheses, found, floor, blocks, rng)
     causes, unpredicted = [], []
-    for own, hypothesis in zip(active, named, strict=True):
-        # The earlier model may have another effect of the same name.
-        one = cause(replace(model, effects=(own,)), hypothesis, found, hypothesis, hypotheses)
+    for hypothesis, own, one in changed:
         causes.append(replace(one, explained_fraction=lost(whole, less[hypothesis.place])))
         if set(hypothesis.covariates(model.robot)) & set(tried.assumed):
             unpredicted.append(own.name)
@@ -321,7 +358,7 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
         unexplained=unexplained(hypotheses, found.model, False),
         doubts=found.doubts,
         baseline=replace(earlier.model, frame=design.model.frame),
-        model=model.without(unpredicted) if unpredicted else model,
+        model=in_geometry(model.without(unpredicted) if unpredicted else model),
         poses=len(blocks),
         set_aside=tuple(dict.fromkeys(str(pose) for pose in dataset.pose[aside])),
         set_aside_rows=tuple(int(line) for line in dataset.row[aside]),

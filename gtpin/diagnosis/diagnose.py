@@ -16,6 +16,7 @@ from gtpin.calibration.robust_fit import Progress
 from gtpin.calibration.thinning import thinned
 from gtpin.data import Dataset, by_region
 from gtpin.diagnosis.against import check
+from gtpin.diagnosis.changed_geometry import LengthChange
 from gtpin.diagnosis.doubts import (
     OF_LEFT_OUT_POSES,
     OF_THE_FIT,
@@ -222,6 +223,8 @@ def diagnose(
             earlier = replace(against, geometry=replace(geometry, robot=measuring(geometry.robot, trusted)))
             if poses is not None:
                 trusted = thinned(trusted, earlier.geometry, poses)
+            if effects is None:
+                known = (*known, LengthChange(earlier))
             scope = Scope.of(known, exclude, false_alarm, earlier.robot, priors)
             found = check(trusted, earlier, scope, seed, report)
     dataset = dataset if poses is None else replace(trusted, trusted=dataset.trusted)

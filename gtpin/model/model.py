@@ -99,7 +99,7 @@ def in_frame(J: Floats, frame: Frame) -> Floats:
 
 @dataclass(frozen=True, repr=False)
 class Model:
-    """Predicts poses from a geometry and active effects, in the instrument's frame.
+    """Predicts poses from a geometry and active effects, in the instrument's frame; in the base frame of data of schema 2.
 
     It has no reference to the data from which it was identified.
 
@@ -158,6 +158,9 @@ class Model:
 
     def predict(self, q: npt.ArrayLike, covariates: Mapping[str, Column] | None = None) -> Poses:
         """Poses (N) that the instrument would read without noise at commands q (N, n), in the instrument's frame.
+
+        Of a model that was identified from named instruments (``[[instrument]]``) they are those of the TCP in the base frame:
+        each instrument has a frame and targets of its own.
 
         Parameters
         ----------

@@ -199,8 +199,9 @@ def advice(check: HealthCheck) -> list[str]:
         found.append(f"Set aside as gross errors: {joined(list(check.set_aside))}. Measure them again.")
     members = [m for c in check.causes for m in c.members]
     if any({*check.assumed} & {*check.effect(m.effect).covariates(robot, m.site)} for m in members):
-        assumed = joined(list(check.assumed))
-        found.append(f"{assumed} could have changed: record it at the model's poses and at the check's.")
+        recorded = all(name in check.dataset.covariates for name in check.assumed)
+        where = "the model's poses too" if recorded else "the model's poses and at the check's"
+        found.append(f"{joined(list(check.assumed))} could have changed: record it at {where}.")
     if check.free_frame:
         found.append(
             "The pose of the instrument is unknown: changes that look like another pose of it are not detected."

@@ -224,6 +224,9 @@ class Geometry:
 def check_names(chosen: Iterable[str], names: Sequence[str]) -> None:
     """Raise `ModelError`, with the names that are most alike, where one that was chosen is not among ``names``."""
     for name in chosen:
+        if name not in names and str(name).startswith("zero["):
+            hint = "zeros are parameters where they are asked for: calibrate with zeros=True (--zeros)"
+            raise ModelError(f"no parameter is called {name!r}", hint=hint)
         if name not in names:
             near = get_close_matches(str(name), names, n=3, cutoff=0.4) or names[:1]
             raise ModelError(f"no parameter is called {name!r}", hint=f"did you mean {', '.join(near)}?")

@@ -102,7 +102,9 @@ def test_a_sigma_that_visits_contradict_is_named_and_their_noise_is_told_of_posi
     for seed in seeds:
         found = gtpin.calibrate(revisited(np.random.default_rng([seed, 8]), 4.0))
         for key in ("position_sigma", "orientation_sigma"):
-            assert any(re.match(f"{key} is .* these data show a noise of .* times more", t) for t in found.warnings)
+            assert any(
+                re.match(f"{key} is .* repeated visits show a noise of .* times more", t) for t in found.warnings
+            )
         assert found.noise_known
         assert found.noise.repeatability == 0.0
         np.testing.assert_allclose(floors(found), [4.0 * POSITION_SIGMA, 4.0 * ORIENTATION_SIGMA], rtol=0.2)

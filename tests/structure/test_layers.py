@@ -46,6 +46,7 @@ makes machines and judges answers."""
 NOT_CORE = ("extras", "bench", "plant")
 """Parts that the core reaches by entry points alone; ``plant`` is the former name of ``bench.simulator``."""
 ASKING = {
+    "calibration/checks/after_fit.py": 1,
     "calibration/checks/before_fit.py": 1,
     "calibration/checks/prepared.py": 1,
     "data/dataset.py": 2,
@@ -144,6 +145,7 @@ ROOMS = (
     "next_experiment",
     "why",
     "earlier",
+    "changed_geometry",
     "against",
     "diagnose",
 )

@@ -168,7 +168,5 @@ def _motions(problem: Problem, point: Point, rows: slice) -> Floats:
 def in_robot_frame(problem: Problem) -> Mask:
     """(N,) True for the rows of trackers that are assumed to measure in the robot's own frame."""
     rows = problem.measured.rows
-    if problem.measured.tracked:
-        return np.full(len(rows), not problem.free_frame)
     known = [isinstance(table, TrackerTable) and table.frame == "robot" for table in rows.tables]
-    return np.asarray(np.array(known)[rows.of])
+    return np.asarray(np.array(known)[rows.of] & (not problem.free_frame))
