@@ -10,10 +10,10 @@ from gtpin.accuracy.expected import Uncertainty, response
 from gtpin.accuracy.workspace import FLAT, default_commands
 from gtpin.calibration.observability import Remedy
 from gtpin.calibration.result import Calibration, InstrumentFit
+from gtpin.data.instrument_tables import TrackerTable
 from gtpin.data.read_instruments import SIGMAS
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.errors import UnreachableError
-from gtpin.model.place import free_motions
 from gtpin.report.words import joined, length, quantity
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
@@ -71,7 +71,9 @@ IN_DOUBT = "The geometry is in doubt: the target does not look to be where it is
 
 def best_frame(c: Calibration) -> str:
     """That the error of the nominal geometry is after a fit of the instrument's frame, where that is free; or nothing."""
-    return " after the best fit of the frame" if free_motions(c.model).shape[1] == 6 else ""
+    trackers = [one.table for one in c.model.instruments if isinstance(one.table, TrackerTable)]
+    free = not c.model.frame.is_base or any(table.frame == "free" for table in trackers)
+    return " after the best fit of the frame" if free else ""
 
 
 def nominal_words(c: Calibration) -> str:
