@@ -267,13 +267,16 @@ def _fitted(hypotheses: HypothesisSet, model: Posterior[Term], own: Hypothesis) 
 
 
 def _by_values(hypotheses: HypothesisSet, model: Posterior[Term], own: Hypothesis) -> Floats:
-    """(l, m) change of a hypothesis's coefficients if each of its l nonlinear values is larger by its standard deviation."""
-    found = np.zeros((len(own.lines), len(_fitted(hypotheses, model, own)[0])))
+    """(l, m) change of a hypothesis's coefficients if each of its l nonlinear values is larger by its standard deviation;
+    (0, 1) zeros, which change any coefficients by nothing, where it has none."""
+    found = []
     for i, (value, sigma) in enumerate(own.lines):
+        ends = []
         for sign in (1.0, -1.0):
             moved = own.with_lines([*own.lines[:i], (value + sign * sigma, sigma), *own.lines[i + 1 :]])
-            found[i] += sign / 2.0 * _fitted(hypotheses, hypotheses.replaced(model, own, moved), moved)[0]
-    return found
+            ends.append(_fitted(hypotheses, hypotheses.replaced(model, own, moved), moved)[0])
+        found.append((ends[0] - ends[1]) / 2.0)
+    return np.array(found) if found else np.zeros((0, 1))
 
 
 def estimates(robot: Chain, active: ActiveEffect, hypothesis: Hypothesis, by_values: Floats) -> dict[str, Estimate]:
