@@ -120,7 +120,10 @@ def _largest(found: Sequence[Departure]) -> str:
     left = size_of(np.sum([one.displacement for one in found if one is not first], axis=0)) if found[1:] else 0.0
     if left**2 < MOST * whole**2:
         return f"Geometry: {what}: {size} at the TCP."
-    return f"Geometry: its parameters move the TCP by {length(whole)} together. Largest: {what} ({size} alone)."
+    return (
+        f"Geometry: its parameters move the TCP by {length(whole)} together. The largest that these data determine: {what} "
+        f"({size} alone)."
+    )
 
 
 def all_departures(found: Sequence[Departure]) -> Table:

@@ -190,6 +190,8 @@ def _moves(near: Sequence[Correlate], s: str) -> str:
 
 def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
     open_, left = bool(_possible(d)), _of_each(d.gap, _left)
+    if not any(_left(one) for one in d.gap.by_instrument or (d.gap,)):
+        left = "smaller than the noise"
     what = "an effect that these data can't identify" if open_ else "an effect that is not in the catalogue"
     if any(doubt.reason == "excess" for doubt in d.doubts):
         headline = f"Scatter of {left} beyond the declared noise: these data don't show whether it is noise."
