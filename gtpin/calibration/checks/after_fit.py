@@ -192,7 +192,8 @@ def _elsewhere_on_platform(fit: RobustFit, admitted: FitState) -> str:
     """What to say of a tracker's target that is not where it is declared, if it explains the data better than ``admitted``.
 
     It does where the fit with the target's place as an unknown, of a prior sigma of some tenths of metres, has the larger
-    marginal likelihood, and residuals that are about as small; or where its residuals are much smaller.
+    marginal likelihood, and residuals that are about as small, or where its residuals are much smaller; and where the place
+    that is found is another one than that declared.
     """
     whole, rows = fit.whole, fit.whole.measured.rows
     table = rows.tables[0]
@@ -218,8 +219,12 @@ def _elsewhere_on_platform(fit: RobustFit, admitted: FitState) -> str:
     gain, left = other.log_evidence - admitted.log_evidence, other.scale / admitted.scale
     if (gain < limits.CONFLICT or left > limits.AS_GOOD) and left > 1.0 / limits.AS_GOOD:
         return ""
-    at = AWAY * other.fit.point.x[own] + np.array(table.fixed_targets[""])
-    sigma = AWAY * np.sqrt(np.diag(other.fit.covariance)[own])
+    off, sigma = AWAY * other.fit.point.x[own], AWAY * np.sqrt(np.diag(other.fit.covariance)[own])
+    if (
+        np.abs(off) <= limits.FAR_FROM_PRIOR * sigma
+    ).all():  # it sits where it is declared, and something else is wrong
+        return ""
+    at = off + np.array(table.fixed_targets[""])
     place = ", ".join(f"{value:.4f}" for value in at)
     section = "[[instrument]]" if table.name else "[instrument]"
     return (
