@@ -35,8 +35,9 @@ class Member:
     """An effect at a site that could be the cause, with its probability.
 
     ``recorded`` is False where its covariate is missing and only a proxy of it supports the effect. ``beside`` is the effect
-    and site of another member, where only both together could be in the place of the cause; each then has half of the
-    probability of both. ``parameters``: its parameters in the place of the cause; empty where a proxy or a pair is meant.
+    and site of another member, where two or more could be in the place of the cause only together, each beside the next; their
+    probability is divided equally between them. ``parameters``: its parameters in the place of the cause; empty where a proxy
+    or a pair is meant.
     """
 
     effect: str

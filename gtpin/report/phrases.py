@@ -260,7 +260,7 @@ def cause_rows(found: Findings) -> list[list[str]]:
         for together in alternatives(cause):
             name = "\n".join(
                 f"  {word} {found.effect(one.effect).title}\n     at {site_words(one.site)}"
-                for word, one in zip(("or", "with"), together, strict=False)
+                for word, one in zip(("or", *["with"] * len(together)), together, strict=False)
             )
             own = [value(*one) for one in together[0].parameters.items()]
             rows.append([name, chance(sum(one.probability for one in together)), "\n".join(own[:LINES]), ""])
@@ -271,12 +271,15 @@ def cause_rows(found: Findings) -> list[list[str]]:
 
 
 def alternatives(cause: Cause) -> list[tuple[Member, ...]]:
-    """The other members of a class; two that only together could be the cause are one alternative."""
-    rest, found = others(cause), list[tuple[Member, ...]]()
-    for m in rest:
-        pair = [o for o in rest if m.beside == (o.effect, o.site) and o.beside == (m.effect, m.site)][:1]
-        if not any(m in together for together in found):
-            found.append((m, *pair))
+    """The other members of a class; those that only together could be the cause are one alternative."""
+    by_place, found = {(m.effect, m.site): m for m in others(cause)}, list[tuple[Member, ...]]()
+    for m in by_place.values():
+        together = [m]
+        while (one := by_place.get(together[-1].beside or ("", ""))) is not None and one not in together:
+            together.append(one)
+        closed = together[-1].beside == (m.effect, m.site)  # each beside the next, the last beside the first
+        if not any(m in known for known in found):
+            found.append(tuple(together) if closed else (m,))
     return found
 
 

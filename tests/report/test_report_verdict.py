@@ -149,6 +149,18 @@ def test_two_that_only_together_could_be_the_cause_are_said_together(findings):
     assert chance == "40\u00a0%"
 
 
+def test_three_that_only_together_could_be_the_cause_are_one_row(findings):
+    found = findings["explained"]
+    cause, sites = found.causes[0], ("cart1", "cart2", "cart3")
+    each = [
+        Member("cart_compliance", s, 0.1, beside=("cart_compliance", t)) for s, t in zip(sites, sites[1:] + sites[:1])
+    ]
+    members = (Member(cause.effect, cause.site, 0.7), *each)
+    rows = cause_rows(replace(found, causes=(replace(cause, probability=0.7, members=members),)))
+    assert [row[1] for row in rows] == ["70\u00a0%", "30\u00a0%"]
+    assert all(site in rows[1][0] for site in sites)
+
+
 def test_a_headline_has_two_lines_however_many_causes_there_are(findings):
     found = findings["explained"]
     cause = found.causes[0]

@@ -220,9 +220,8 @@ def _elsewhere_on_platform(fit: RobustFit, admitted: FitState) -> str:
     if (gain < limits.CONFLICT or left > limits.AS_GOOD) and left > 1.0 / limits.AS_GOOD:
         return ""
     off, sigma = AWAY * other.fit.point.x[own], AWAY * np.sqrt(np.diag(other.fit.covariance)[own])
-    if (
-        np.abs(off) <= limits.FAR_FROM_PRIOR * sigma
-    ).all():  # it sits where it is declared, and something else is wrong
+    # A target that sits where it is declared takes up a part of another error.
+    if (np.abs(off) <= limits.FAR_FROM_PRIOR * sigma).all():
         return ""
     at = off + np.array(table.fixed_targets[""])
     place = ", ".join(f"{value:.4f}" for value in at)
