@@ -153,7 +153,8 @@ def test_three_that_only_together_could_be_the_cause_are_one_row(findings):
     found = findings["explained"]
     cause, sites = found.causes[0], ("cart1", "cart2", "cart3")
     each = [
-        Member("cart_compliance", s, 0.1, beside=("cart_compliance", t)) for s, t in zip(sites, sites[1:] + sites[:1])
+        Member("cart_compliance", site, 0.1, beside=("cart_compliance", sites[(i + 1) % 3]))
+        for i, site in enumerate(sites)
     ]
     members = (Member(cause.effect, cause.site, 0.7), *each)
     rows = cause_rows(replace(found, causes=(replace(cause, probability=0.7, members=members),)))
