@@ -53,7 +53,7 @@ class FittedInstrument:
     @property
     def targets(self) -> dict[str, Floats]:
         """(3,) place of each target on the platform, TCP frame, m, by id: a single one has the id ``""``."""
-        known = self.table.fixed_targets if "target" in self.table.ids else {}
+        known = {} if self.table.targetless else self.table.fixed_targets
         return {key: np.array(at) + self.deviation(f"target[{key}]" if key else "target") for key, at in known.items()}
 
     def deviation(self, what: str, parts: Sequence[str] = ("x", "y", "z")) -> Floats:
@@ -260,7 +260,10 @@ class Model:
             for key, at in one.targets.items()
             if at.any()
         }
-        return dict(zip(("target",), found.values(), strict=True)) if len(found) == 1 else found
+        if len(found) == 1:
+            (only,) = found.values()
+            return {"target": only}
+        return found
 
     @property
     def free_target(self) -> bool:
