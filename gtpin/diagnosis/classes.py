@@ -253,13 +253,11 @@ def with_shared_loads(hypotheses: HypothesisSet, model: Posterior[Term], classes
     for cause, members in classes.items():
         alike = [h for h in hypotheses.linear if h.site == cause.site and h.effect.load == cause.effect.load]
         for other in [h for h in alike if cause.effect.load and h not in model.terms]:
-            both, rest = hypotheses.extended(model, other), without(hypotheses.groups, model, cause, sweeps=1)
+            gain, rest = hypotheses.gains(model, [other])[other].value, without(hypotheses.groups, model, cause, sweeps=1)
             temperature = priors.temperature_of(model.log_evidence - rest.log_evidence)
-            costs = (sum(hypotheses.costs(one.terms).values()) for one in (both, model))
+            costs = (sum(hypotheses.costs(terms).values()) for terms in ((*model.terms, other), model.terms))
             against = next(costs) - next(costs)
-            ahead = (both.log_evidence - model.log_evidence) / temperature - min(
-                against / temperature, priors.imitation
-            )
+            ahead = gain / temperature - min(against / temperature, priors.imitation)
             odds, leader = exp(min(ahead, MOST_ODDS)), own_probability(members, cause)
             whole = 1.0 + odds * leader
             each = odds * leader / whole / 2.0

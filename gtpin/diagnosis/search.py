@@ -183,8 +183,14 @@ class HypothesisSet:
         return self.threshold + unnamed + moved + (self.of_sessions if "session" in one.drivers(robot) else 0.0)
 
     def share(self, term: Term, stronger: Term) -> float:
-        """Share of a stronger term's evidence that is the penalty of ``term`` beside it."""
+        """Share of a stronger term's evidence that is the penalty of ``term`` beside it.
+
+        The parts of a chain carry their loads in series, and all give way: no imitation is suspected where one does beside
+        another. With the share of ``related``, an arm's column and the bearing on it were told as a base that rocks.
+        """
         robot, a, b = self.design.operating_points.robot, explained_by(term), explained_by(stronger)
+        if robot.joint_sites and all(isinstance(one, Hypothesis) and one.effect.load for one in (a, b)):
+            return self.priors.other
         if a.site == b.site and a.drivers(robot) & b.drivers(robot):
             return self.priors.same
         return self.priors.related if related(robot, a, b) else self.priors.other

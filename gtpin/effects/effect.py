@@ -150,8 +150,8 @@ class Effect(ABC):
     of_own_command: ClassVar[bool] = False
     """Whether its displacement is a curve: a deviation of an actuator's travel that depends on its own command alone."""
     load: ClassVar[str] = ""
-    """The load at its site that displaces what is there. Mechanisms of one load at one site can share it: a base that rocks,
-    and the column on it that bends. Empty where no other mechanism has the same load."""
+    """The load at its site under which what is there gives way. Mechanisms of one load at one site can share it: a base that
+    rocks, and the column on it that bends. Empty where nothing gives way under a load."""
     stretches_frame: ClassVar[bool] = False
     """Whether it scales all measured positions by one factor. If so, the smooth nonparametric terms contain no such scaling."""
     exported_as: ClassVar[

@@ -47,6 +47,7 @@ class JointCompliance(Effect):
     acts_at = staticmethod(joints)
     depends_on = ("load", "payload")
     exported_as = "joint_spring"
+    load = "moment about the axis"
     core = (0,)
     plausible: ClassVar[Mapping[str, ParameterRange]] = {
         "compliance": ParameterRange(0.0, np.inf, "no drive moves against the load that it carries")

@@ -73,6 +73,7 @@ class LinkCompliance(Effect):
     acts_at = staticmethod(arm_and_links)
     depends_on = ("load", "payload")
     exported_as = "link_spring"
+    load = "force and moment of the link"
     core = (0,)
     plausible: ClassVar[Mapping[str, ParameterRange]] = {
         "compliance": ParameterRange(0.0, np.inf, "no link gets shorter when it is pulled"),
