@@ -256,10 +256,8 @@ def with_shared_loads(hypotheses: HypothesisSet, model: Posterior[Term], classes
     for cause, members in classes.items():
         alike = [h for h in hypotheses.linear if h.site == cause.site and h.effect.load == cause.effect.load]
         for other in [h for h in alike if cause.effect.load and h not in model.terms]:
-            gain, rest = (
-                hypotheses.gains(model, [other])[other].value,
-                without(hypotheses.groups, model, cause, sweeps=1),
-            )
+            gain = hypotheses.gains(model, [other])[other].value
+            rest = without(hypotheses.groups, model, cause, sweeps=1)
             temperature = priors.temperature_of(model.log_evidence - rest.log_evidence)
             costs = (sum(hypotheses.costs(terms).values()) for terms in ((*model.terms, other), model.terms))
             against = (next(costs) - next(costs)) / temperature
