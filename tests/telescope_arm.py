@@ -49,12 +49,14 @@ TOLERANCE = 3.5e-4
 @dataclass(frozen=True)
 class Machine:
     """What moves: K (2, 2) tilts of the base per moment about x and y, rad/(N m), which grow by the share ``settles`` until the
-    last pose; S (2, 2) curvatures of the column per moment, 1/(N m^2); ``rough``: size of each joint's own error, rad."""
+    last pose; S (2, 2) curvatures of the column per moment, 1/(N m^2); ``rough``: size of each joint's own error, rad; T (2, 2)
+    tilts of the bearing between slider and arm per moment about x and y of the slider, rad/(N m)."""
 
     base: Floats
     column: Floats
     settles: float = 0.0
     rough: float = 0.0
+    bearing: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -103,9 +105,12 @@ def turned(rotation: Floats) -> Floats:
     return np.eye(3) + np.sin(angle) / safe * K + (1.0 - np.cos(angle)) / safe**2 * (K @ K)
 
 
-def frames(q: Floats, errors: Floats, carrier: tuple[Floats, Floats] | None = None) -> list[tuple[Floats, Floats]]:
+def frames(
+    q: Floats, errors: Floats, carrier: tuple[Floats, Floats] | None = None, leaning: Floats | None = None
+) -> list[tuple[Floats, Floats]]:
     """(N, 3, 3) and (N, 3) of the slider, of the six links, and of the tool. ``errors``: (8, 6) of the placements, in their own
-    axes. ``carrier``: rotation and shift of the slider, base frame, about its own origin."""
+    axes. ``carrier``: rotation and shift of the slider, base frame, about its own origin. ``leaning``: (N, 3) rad, of the arm
+    about the origin of its first joint."""
     R, p = np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3))
     found = []
     for k, (x, y, z, roll) in enumerate(OFFSETS):
@@ -117,6 +122,7 @@ def frames(q: Floats, errors: Floats, carrier: tuple[Floats, Floats] | None = No
             if carrier is not None:
                 R, p = carrier[0] @ R, p + carrier[1]
         elif k <= 6:
+            R = R @ turned(leaning) if k == 1 and leaning is not None else R
             R = R @ turned(np.outer(q[:, k], [0.0, 0.0, 1.0]))
         found.append((R, p))
     return found
@@ -149,6 +155,16 @@ def carried(q: Floats, time: Floats, machine: Machine) -> tuple[Floats, Floats]:
     return turned(turn + tilt), shift + np.cross(tilt, slider - foot)
 
 
+def leaning(q: Floats, machine: Machine) -> Floats | None:
+    """(N, 3) rad, by which the bearing between slider and arm tilts, or None."""
+    if machine.bearing is None:
+        return None
+    places = frames(q, np.zeros((8, 6)))[1:7]
+    centre = sum(m * (p + R @ np.array(c)) for m, c, (R, p) in zip(MASSES[1:], CENTRES[1:], places, strict=True))
+    moment = np.cross(centre - sum(MASSES[1:]) * places[0][1], GRAVITY)
+    return np.pad(moment[:, :2] @ machine.bearing, ((0, 0), (0, 1)))
+
+
 def rough(q: Floats, rng: np.random.Generator) -> Floats:
     """(N, 6) of the turning joints, size 1 each: a process over the joint's own angle, of a length of 0.2 rad, and a part that
     depends on the neighbour's angle as well."""
@@ -166,7 +182,7 @@ def seen(q: Floats, time: Floats, errors: Floats, machine: Machine, unlisted: Fl
     """(N, 3) positions of the tool."""
     moved = q.copy()
     moved[:, 1:] += machine.rough * unlisted
-    return frames(moved, errors, carried(q, time, machine))[-1][1]
+    return frames(moved, errors, carried(q, time, machine), leaning(q, machine))[-1][1]
 
 
 def derivative(q: Floats) -> Floats:
