@@ -21,8 +21,8 @@ TOLERANCE = 1e-9
 STEPS = 25
 """Largest number of Newton steps."""
 NOT_THE_MACHINE = {
-    "frame": "it moves the instrument, not the machine",
-    "platform": "it moves the target; the data do not show whether the tool moves with it",
+    "frame": "it moves the instrument, not the machine; base frame: the mean over the measurements, not that at their start",
+    "platform": "it moves the target; the data do not show whether the tool moves with it; target: its mean place",
 }
 """Sites of effects of the measurement, which are not corrected, and why."""
 

@@ -30,8 +30,10 @@ class TrackerDrift(Effect):
     """dT = s(t) + w(t) x (T - T_home), dR = w(t): all measured poses shift and rotate smoothly with time.
 
     T is the TCP position, m, T_home that at home; dR is a rotation vector. The shift s, m, and the rotation vector w, rad, are
-    in the base frame; s is positive where the measured positions move towards the positive axis, w is right-handed. The
-    constant part of s and w is left out, because geometry absorbs it. Outside the time range of the fit the drift is constant.
+    in the base frame; s is positive where the measured positions move towards the positive axis, w is right-handed. Outside
+    the time range of the fit the drift is constant. The data do not show at what time the frame was right: s and w have a
+    constant part as large as their changes. Where the frame is not free, only geometry can be in its place, and the sigmas of
+    its parameters contain it.
     A robot's base that warms up or settles moves the poses in the same way: data of the robot alone can't tell the two apart.
 
     Parameters: ``shift_x``, ``_y``, ``_z``, m, and ``turn_x``, ``_y``, ``_z``, rad: s and w at the end of the fit's time
@@ -58,7 +60,7 @@ class TrackerDrift(Effect):
         return _moved(*frame_twist(at), *_drift(at))
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
-        by_order = coefficients.reshape(-1, 6)
+        by_order = coefficients.reshape(-1, 6)[1:]  # without the constant part
         drift = -2.0 * by_order[::2].sum(axis=0)
         spans = [span(c) for c in by_order.T]
         return {
@@ -165,8 +167,10 @@ class TargetShift(FrameShift):
 
 
 def _drift(at: OperatingPoints) -> tuple[Floats, Floats]:
-    """(N, k) cosines over the time of the fit, and (k,) their sizes."""
-    return cosines(np.clip(at.time, -1.0, 1.0), 1, DRIFT_ORDERS, DRIFT_DECAY)
+    """(N, k) a constant and cosines over the time of the fit, and (k,) their sizes: the constant is as large as the cosines
+    together are at the beginning, where most frames are set up."""
+    waves, size = cosines(np.clip(at.time, -1.0, 1.0), 1, DRIFT_ORDERS, DRIFT_DECAY)
+    return np.hstack([np.ones((len(at), 1)), waves]), np.append(np.linalg.norm(size), size)
 
 
 def _moved(twist: Floats, freedom: Floats, over: Floats, size: Floats) -> Displacement:

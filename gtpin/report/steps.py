@@ -64,9 +64,11 @@ def check_steps(check: HealthCheck) -> list[Step]:
 
 
 def beside(model: Model) -> str:
-    """Which effects corrected commands leave out, as an insertion; empty where they correct all."""
+    """Which effects corrected commands leave out, and in what frame they hold, as an insertion; empty where they correct all."""
     left = [named(active.effect, active.site) for active in model.effects if active.site in NOT_THE_MACHINE]
-    return f" of the machine, without {joined(left)}" if left else ""
+    framed = model.frame.is_base and any(active.site == "frame" for active in model.effects)
+    mean = " (in the frame's mean over the measurements, not that at their start)" if framed else ""
+    return f" of the machine, without {joined(left)}{mean}" if left else ""
 
 
 def geometry_steps(model: Model, explained: bool) -> list[Step]:
