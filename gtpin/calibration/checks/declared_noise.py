@@ -76,8 +76,8 @@ def with_credible_noise(fit: RobustFit, settled: FitState) -> tuple[RobustFit, F
         if settled.noise.estimated[one.group]:
             what = _text(readings, one, float(settled.noise.sigma[one.group]), "repeated visits")
             warn(
-                f"{what}: the fit of the geometry takes it for noise; the declared value is wrong, or something changes "
-                "between visits"
+                f"{what}, before any cause is looked for: the fit of the geometry takes it for noise; the declared value is "
+                "wrong, or something changes between visits"
             )
     suspects = [one for one in _declared(readings) if _overstated(settled, one)]
     if not suspects:
