@@ -10,6 +10,7 @@ from gtpin.compensation.correctable import correctable
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.model.dh import chain_of
 from gtpin.model.model import Model
+from gtpin.model.place import movers
 from gtpin.report.calibration_text import lost
 from gtpin.report.page import Step
 from gtpin.report.phrases import SURE, named
@@ -72,8 +73,7 @@ def check_steps(check: HealthCheck) -> list[Step]:
 def beside(model: Model) -> str:
     """Which effects corrected commands leave out, and in what frame they hold, as an insertion; empty for none."""
     left = [named(active.effect, active.site) for active in model.effects if active.site in NOT_THE_MACHINE]
-    framed = model.frame.is_base and any(active.site == "frame" for active in model.effects)
-    mean = " (in the frame's mean over the measurements, not that at their start)" if framed else ""
+    mean = " (in the frame's mean over the measurements, not that at their start)" if movers(model) else ""
     return f" of the machine, without {joined(left)}{mean}" if left else ""
 
 

@@ -68,8 +68,8 @@ def too_few(d: Diagnosis) -> str:
         return ""
     if worse_than_nominal(d):
         return "the calibrated geometry is no better than the nominal one"
-    size = gap_words(d.gap)
-    return "" if d.noise_source == "residuals" else f"the calibrated geometry leaves {size.before}, noise {size.floor}"
+    declared, size = d.noise_source == "declared" and d.noise_ratio == 1.0, gap_words(d.gap)
+    return f"the calibrated geometry leaves {size.before}, noise {size.floor}" if declared else ""
 
 
 def worse_than_nominal(d: Diagnosis) -> bool:
