@@ -56,8 +56,22 @@ class TrackerDrift(Effect):
     acts_at = staticmethod(lambda _: ("frame",))
     needs = ("time",)
 
+    def __init__(self, *, since_right: bool = False) -> None:
+        """``since_right``: whether the frame was right without the drift, so that there is no constant part."""
+        self.since_right = since_right
+
+    def as_change(self) -> TrackerDrift:
+        return type(self)(since_right=True)
+
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        return _moved(*frame_twist(at), *_drift(at))
+        return _moved(*frame_twist(at), *self.over_time(at))
+
+    def over_time(self, at: OperatingPoints) -> tuple[Floats, Floats]:
+        """(N, k) a constant and cosines over the time of the fit, and (k,) their sizes: the constant is as large as the cosines
+        together are at the beginning, where most frames are set up."""
+        waves, size = cosines(np.clip(at.time, -1.0, 1.0), 1, DRIFT_ORDERS, DRIFT_DECAY)
+        constant = 0.0 if self.since_right else np.linalg.norm(size)
+        return np.hstack([np.ones((len(at), 1)), waves]), np.append(constant, size)
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         by_order = coefficients.reshape(-1, 6)[1:]  # without the constant part
@@ -137,7 +151,7 @@ class TargetDrift(TrackerDrift):
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         sizes = np.array([SHIFT * MODULATION.bending, SHIFT * MODULATION.bending, SHIFT, *[TURN] * 3])
-        return _moved(target_twist(at), sizes, *_drift(at))
+        return _moved(target_twist(at), sizes, *self.over_time(at))
 
 
 class TargetShift(FrameShift):
@@ -164,13 +178,6 @@ class TargetShift(FrameShift):
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         sessions = session_columns(at)
         return _moved(target_twist(at), np.array([SHIFT] * 3 + [TURN] * 3), sessions, np.ones(sessions.shape[1]))
-
-
-def _drift(at: OperatingPoints) -> tuple[Floats, Floats]:
-    """(N, k) a constant and cosines over the time of the fit, and (k,) their sizes: the constant is as large as the cosines
-    together are at the beginning, where most frames are set up."""
-    waves, size = cosines(np.clip(at.time, -1.0, 1.0), 1, DRIFT_ORDERS, DRIFT_DECAY)
-    return np.hstack([np.ones((len(at), 1)), waves]), np.append(np.linalg.norm(size), size)
 
 
 def _moved(twist: Floats, freedom: Floats, over: Floats, size: Floats) -> Displacement:
