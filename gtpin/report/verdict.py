@@ -11,7 +11,7 @@ import numpy as np
 from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS
 from gtpin.diagnosis.result import Cause, Considered, Correlate, Diagnosis, Findings, Gap, InstrumentGap
 from gtpin.diagnosis.trials import kind
-from gtpin.report.calibration_text import overruled, scatters
+from gtpin.report.calibration_text import overruled, scatters, visits_over_declared
 from gtpin.report.page import Lead
 from gtpin.report.phrases import (
     ROUGH,
@@ -55,7 +55,7 @@ def verdict(d: Diagnosis) -> Lead:
     return Lead(
         f"Diagnosis of {d.model.robot.name} · {len(d.dataset)} measurements",
         "\n".join(headline),
-        [words for words in (*advice, *also(d), *questions(d), untested(d)) if words],
+        [words for words in (*advice, *also(d), agreed(d), *questions(d), untested(d)) if words],
         badge=badge(d) or ("too few poses" if too_few(d) else "geometry alone"),
         tone="warn" if may_hide(d) or scattered(d) or too_few(d) else TONES[d.verdict],
     )
@@ -96,6 +96,13 @@ def also(d: Diagnosis) -> list[str]:
     """A sentence for all that is weak and undecided."""
     small = joined([f"{site_words(one.site)} ({length(one.rms)})" for one in d.also])
     return [f"Small and undecided, without influence on the verdict: {small}."] if small else []
+
+
+def agreed(d: Diagnosis) -> str:
+    """That visits agree with the declared noise after all, where they did not before the causes; else empty."""
+    agree = d.causes and d.noise_source == "declared" and d.noise_ratio == 1.0
+    words = "With the causes, repeated visits agree with the declared noise."
+    return words if agree and visits_over_declared(d.baseline) > 1.0 else ""
 
 
 def untested(found: Findings) -> str:

@@ -72,6 +72,15 @@ def test_what_noise_seldom_leaves_is_not_called_noise_alone(findings):
     assert "visit ten poses" in steps(rare)[0].words
 
 
+def test_visits_that_agree_with_the_declared_noise_beside_the_causes_are_said_to(findings):
+    found = replace(findings["explained"], noise_source="declared", noise_ratio=1.0)
+    noise = found.baseline.noise
+    larger = replace(noise, source="repeats", sigma=3.0 * noise.sigma, estimated=np.ones_like(noise.estimated))
+    words = "repeated visits agree with the declared noise"
+    assert words in " ".join(verdict(replace(found, baseline=replace(found.baseline, noise=larger))).advice)
+    assert words not in " ".join(verdict(found).advice)
+
+
 def test_a_cause_without_another_member_of_its_class_is_not_said_to_be_one_of_several(findings):
     found = findings["explained"]
     alone = replace(found.causes[0], probability=0.94, members=found.causes[0].members[:1])
