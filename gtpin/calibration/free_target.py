@@ -9,7 +9,6 @@ import pinocchio as pin
 
 from gtpin.calibration.problem import Measured, measured_poses
 from gtpin.data import Dataset
-from gtpin.data.description import SECOND
 from gtpin.data.files import warn_of
 from gtpin.data.plausible import check_actuators, sane_rows
 from gtpin.errors import DatasetError
@@ -33,11 +32,12 @@ def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
         return geometry
     if sum(p.kind == "platform" for p in geometry.parameters) < 6:
         what = "a free target, but the TCP's place is no parameter"
-        hint = (
-            "of a robot with rods, write target = [x, y, z] under [instrument] of dataset.toml: where the target sits, m, TCP "
-            f'frame; or have it identified with schema = "{SECOND}" and [[instrument]] name = "tracker" kind = "tracker" '
-            'file = "poses.csv" target = "free"; of others, hold no part of its place'
-        )
+        hint = "hold no part of its place"
+        if geometry.robot.rod_sites:
+            hint = (
+                "measure where the target sits, m, TCP frame, and write target = [x, y, z] under [instrument]: of a robot with "
+                "rods it can't be identified"
+            )
         raise DatasetError(what, file=dataset.toml or dataset.file, column="instrument.target", hint=hint)
     check_actuators(geometry.robot, dataset)
     measured = measured_poses(dataset.take(sane_rows(dataset)))

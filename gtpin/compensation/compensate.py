@@ -21,8 +21,8 @@ TOLERANCE = 1e-9
 STEPS = 25
 """Largest number of Newton steps."""
 NOT_THE_MACHINE = {
-    "frame": "it moves the instrument, not the machine",
-    "platform": "it moves the target; the data do not show whether the tool moves with it",
+    "frame": "it moves the instrument, not the machine; base frame: the mean over the measurements, not that at their start",
+    "platform": "it moves the target; the data do not show whether the tool moves with it; target: its mean place",
 }
 """Sites of effects of the measurement, which are not corrected, and why."""
 
@@ -60,6 +60,16 @@ def compensate(
     Returns (N, n), m or rad. Raises `ModelError` if ``wanted`` or ``rotations`` have another shape, the robot has too few
     actuators for an orientation, or a covariate is missing. `UnreachableError` if the TCP can't be brought to a position.
     `ConvergenceError` if Newton's method does not converge, for example if the position lies in the gap of a step.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtpin
+    >>> from gtpin.compensation import compensate
+    >>> nominal = gtpin.read_model("gantry_tau")
+    >>> q = np.array([[0.1, 0.2, 0.0]])
+    >>> bool(np.allclose(compensate(nominal, nominal.predict(q).T, start=q), q))
+    True
     """
     T = real(wanted, "wanted positions")
     R = None if rotations is None else real(rotations, "wanted rotations")
@@ -68,7 +78,8 @@ def compensate(
     if lost.size:
         raise UnreachableError(
             f"{model.robot.name} can't bring its TCP to position {lost[0] + 1}",
-            hint="stay inside the workspace and away from singular postures, or give other commands to start from",
+            hint="stay inside the workspace and away from singular postures, or give other commands to start from; of commands "
+            "q, the positions are those of the nominal robot: gtpin.read_model(NAME).predict(q).T",
         )
     if (left > TOLERANCE).any():
         worst = int(left.argmax())

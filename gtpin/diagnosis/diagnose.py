@@ -225,7 +225,7 @@ def diagnose(
                 trusted = thinned(trusted, earlier.geometry, poses)
             if effects is None:
                 known = (*known, LengthChange(earlier))
-            scope = Scope.of(known, exclude, false_alarm, earlier.robot, priors)
+            scope = Scope.of([one.as_change() for one in known], exclude, false_alarm, earlier.robot, priors)
             found = check(trusted, earlier, scope, seed, report)
     dataset = dataset if poses is None else replace(trusted, trusted=dataset.trusted)
     return replace(found, dataset=dataset, seed=seed, warnings=dataset.told(texts))

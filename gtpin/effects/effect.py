@@ -286,6 +286,10 @@ class Effect(ABC):
             return found
         return {name: (value, TURNING.get(unit, unit)) for name, (value, unit) in found.items()}
 
+    def as_change(self) -> Effect:
+        """The effect as a change since an earlier model, whose frame and geometry are known."""
+        return self
+
     def basis_of(self, at: OperatingPoints, site: str, values: Sequence[float]) -> Displacement:
         """Displacements for several values of the nonlinear parameter: the columns of :meth:`basis` for each, side by side."""
         if len(values) < 2:

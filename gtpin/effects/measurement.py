@@ -30,8 +30,10 @@ class TrackerDrift(Effect):
     """dT = s(t) + w(t) x (T - T_home), dR = w(t): all measured poses shift and rotate smoothly with time.
 
     T is the TCP position, m, T_home that at home; dR is a rotation vector. The shift s, m, and the rotation vector w, rad, are
-    in the base frame; s is positive where the measured positions move towards the positive axis, w is right-handed. The
-    constant part of s and w is left out, because geometry absorbs it. Outside the time range of the fit the drift is constant.
+    in the base frame; s is positive where the measured positions move towards the positive axis, w is right-handed. Outside
+    the time range of the fit the drift is constant. The data do not show at what time the frame was right: s and w have a
+    constant part as large as their changes. Where the frame is not free, only geometry can be in its place, and the sigmas of
+    its parameters contain it.
     A robot's base that warms up or settles moves the poses in the same way: data of the robot alone can't tell the two apart.
 
     Parameters: ``shift_x``, ``_y``, ``_z``, m, and ``turn_x``, ``_y``, ``_z``, rad: s and w at the end of the fit's time
@@ -54,11 +56,25 @@ class TrackerDrift(Effect):
     acts_at = staticmethod(lambda _: ("frame",))
     needs = ("time",)
 
+    def __init__(self, *, since_right: bool = False) -> None:
+        """``since_right``: whether the frame was right without the drift, so that there is no constant part."""
+        self.since_right = since_right
+
+    def as_change(self) -> TrackerDrift:
+        return type(self)(since_right=True)
+
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        return _moved(*frame_twist(at), *_drift(at))
+        return _moved(*frame_twist(at), *self.over_time(at))
+
+    def over_time(self, at: OperatingPoints) -> tuple[Floats, Floats]:
+        """(N, k) a constant and cosines over the time of the fit, and (k,) their sizes: the constant is as large as the cosines
+        together are at the beginning, where most frames are set up."""
+        waves, size = cosines(np.clip(at.time, -1.0, 1.0), 1, DRIFT_ORDERS, DRIFT_DECAY)
+        constant = 0.0 if self.since_right else np.linalg.norm(size)
+        return np.hstack([np.ones((len(at), 1)), waves]), np.append(constant, size)
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
-        by_order = coefficients.reshape(-1, 6)
+        by_order = coefficients.reshape(-1, 6)[1:]  # without the constant part
         drift = -2.0 * by_order[::2].sum(axis=0)
         spans = [span(c) for c in by_order.T]
         return {
@@ -135,7 +151,7 @@ class TargetDrift(TrackerDrift):
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         sizes = np.array([SHIFT * MODULATION.bending, SHIFT * MODULATION.bending, SHIFT, *[TURN] * 3])
-        return _moved(target_twist(at), sizes, *_drift(at))
+        return _moved(target_twist(at), sizes, *self.over_time(at))
 
 
 class TargetShift(FrameShift):
@@ -162,11 +178,6 @@ class TargetShift(FrameShift):
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         sessions = session_columns(at)
         return _moved(target_twist(at), np.array([SHIFT] * 3 + [TURN] * 3), sessions, np.ones(sessions.shape[1]))
-
-
-def _drift(at: OperatingPoints) -> tuple[Floats, Floats]:
-    """(N, k) cosines over the time of the fit, and (k,) their sizes."""
-    return cosines(np.clip(at.time, -1.0, 1.0), 1, DRIFT_ORDERS, DRIFT_DECAY)
 
 
 def _moved(twist: Floats, freedom: Floats, over: Floats, size: Floats) -> Displacement:

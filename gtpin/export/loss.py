@@ -16,7 +16,7 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import Column, OperatingPoints
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model, root_of
-from gtpin.model.place import free_motions
+from gtpin.model.place import free_motions, movers
 from gtpin.paper.geometry import PaperGeometry
 from gtpin.robot.parameters import DIRECTIONS
 from gtpin.typing import Floats
@@ -207,7 +207,10 @@ def not_determined(model: Model) -> Undetermined | None:
 
 
 def assumed_base(model: Model) -> tuple[str, ...]:
-    """What is assumed of where the machine stands, as a text, as far as no instrument shows it; else none."""
+    """What is assumed of where the machine stands, as a text, as far as no instrument shows it, or its frame moves; else
+    none."""
+    if names := movers(model):
+        return (f"is in the mean of the base frame over the measurements, which {', '.join(names)} moved",)
     if not free_motions(model).size:
         return ()
     words = "is in the base frame, as the tolerances give it: no instrument shows where the base stands"

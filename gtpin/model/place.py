@@ -45,6 +45,12 @@ def free_motions(model: Model) -> Floats:
     return np.asarray(vectors[:, values < 1.0])
 
 
+def movers(model: Model) -> tuple[str, ...]:
+    """Effects, by name, that move a fixed frame: the base frame of the model is its mean over the measurements."""
+    fixed = not free_motions(model).size
+    return tuple(e.name for e in model.effects if fixed and e.site == "frame" and not e.effect.stretches_frame)
+
+
 def relative_to_others(model: Model, covariance: Floats) -> Mask:
     """(p,) parameters that are known relative to others alone: most of their variance is that of motions of the whole machine.
 

@@ -157,7 +157,7 @@ def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
             words = f"{one.name}, gap of the calibrated geometry{', and with the causes' if d.causes else ''}"
             numbers.append((f"{before} → {after}" if d.causes else before, f"{words}; noise alone {floor}"))
     else:
-        noise = "noise alone, by repeated visits" if d.noise_ratio > 1.0 else "noise alone"
+        noise = "noise alone, by repeated visits, causes taken away" if d.noise_ratio > 1.0 else "noise alone"
         where = "sessions" if d.gap.hold_out == "session" else "poses"
         numbers += [
             (nominal_words(d.baseline), f"nominal geometry{best_frame(d.baseline)}: {size.what}, RMS"),

@@ -10,24 +10,31 @@ from gtpin.compensation.correctable import correctable
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.model.dh import chain_of
 from gtpin.model.model import Model
+from gtpin.model.place import movers
 from gtpin.report.calibration_text import lost
 from gtpin.report.page import Step
 from gtpin.report.phrases import SURE, named
-from gtpin.report.verdict import too_few
+from gtpin.report.verdict import beyond_chance, scattered, too_few, worse_than_nominal
 from gtpin.report.words import joined
 
 MEASURE = Step(
     "Measure more poses, and run the command again. Poses to choose:",
     "gtpin plan DIR --for calibration --poses 40 -o plan",
 )
+REPEAT = Step(
+    "Find what changes between the visits: visit ten poses five times each, at rest, from both directions, and diagnose these "
+    "poses with the others. An error that repeats is no noise."
+)
 PROGRAM = "gtpin export DIR --commands program.csv -o corrected.csv"
 
 
 def steps(d: Diagnosis) -> list[Step]:
     """What to do after a diagnosis."""
-    if too_few(d):
-        return [MEASURE]
-    found = geometry_steps(d.model, d.verdict != "unknown")
+    few = [MEASURE] if too_few(d) else []
+    if few and worse_than_nominal(d):
+        return few
+    again = [REPEAT] if not few and (scattered(d) or beyond_chance(d)) else []
+    found = few + again + geometry_steps(d.model, d.verdict != "unknown")
     if kept := sure_corrections(d):
         what = f"Tables that correct {joined(kept)}, for a controller that has the calibrated geometry:"
         found.append(Step(what, "gtpin export DIR -o corrections.csv"))
@@ -64,9 +71,10 @@ def check_steps(check: HealthCheck) -> list[Step]:
 
 
 def beside(model: Model) -> str:
-    """Which effects corrected commands leave out, as an insertion; empty where they correct all."""
+    """Which effects corrected commands leave out, and in what frame they hold, as an insertion; empty for none."""
     left = [named(active.effect, active.site) for active in model.effects if active.site in NOT_THE_MACHINE]
-    return f" of the machine, without {joined(left)}" if left else ""
+    mean = " (in the frame's mean over the measurements, not that at their start)" if movers(model) else ""
+    return f" of the machine, without {joined(left)}{mean}" if left else ""
 
 
 def geometry_steps(model: Model, explained: bool) -> list[Step]:

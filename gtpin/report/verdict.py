@@ -11,7 +11,7 @@ import numpy as np
 from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS
 from gtpin.diagnosis.result import Cause, Considered, Correlate, Diagnosis, Findings, Gap, InstrumentGap
 from gtpin.diagnosis.trials import kind
-from gtpin.report.calibration_text import overruled, scatters
+from gtpin.report.calibration_text import overruled, scatters, visits_over_declared
 from gtpin.report.page import Lead
 from gtpin.report.phrases import (
     ROUGH,
@@ -38,6 +38,8 @@ from gtpin.report.words import (
 
 TONES = {"none": "good", "explained": "accent", "ambiguous": "warn", "unknown": "mystery"}
 """Colour of the badge, by verdict."""
+CHANCE = 0.01
+"""Smallest p-value at which noise alone explains the residuals."""
 PLACES = 2
 """Most places of an unknown error that its headline names."""
 NEARLY = 0.8
@@ -53,17 +55,32 @@ def verdict(d: Diagnosis) -> Lead:
     return Lead(
         f"Diagnosis of {d.model.robot.name} · {len(d.dataset)} measurements",
         "\n".join(headline),
-        [words for words in (*advice, *also(d), *questions(d), untested(d)) if words],
+        [words for words in (*advice, *also(d), agreed(d), *questions(d), untested(d)) if words],
         badge=badge(d) or ("too few poses" if too_few(d) else "geometry alone"),
         tone="warn" if may_hide(d) or scattered(d) or too_few(d) else TONES[d.verdict],
     )
 
 
-def too_few(d: Diagnosis) -> bool:
-    """Whether without a cause the calibrated geometry is no better than the nominal one at poses that it was not fitted to."""
-    nominal = next((one.before for one in d.baseline.by_instrument if one.unit == "m"), np.inf)
-    found = d.verdict == "none" and not d.gap.by_instrument
-    return found and d.gap.before > max(nominal, PRIORS.silent * d.gap.floor)
+def too_few(d: Diagnosis) -> str:
+    """What shows that without a cause the poses are too few: at poses that it was not fitted to, the calibrated geometry is no
+    better than the nominal one, or much worse than noise, as the fitted poses are not; empty where nothing does."""
+    if d.verdict != "none" or d.gap.by_instrument or d.gap.before <= PRIORS.silent * d.gap.floor:
+        return ""
+    if worse_than_nominal(d):
+        return "the calibrated geometry is no better than the nominal one"
+    declared, size = d.noise_source == "declared" and d.noise_ratio == 1.0, gap_words(d.gap)
+    return f"the calibrated geometry leaves {size.before}, noise {size.floor}" if declared else ""
+
+
+def worse_than_nominal(d: Diagnosis) -> bool:
+    """Whether the calibrated geometry is no better than the nominal one at poses that it was not fitted to."""
+    return d.gap.before > next((one.before for one in d.baseline.by_instrument if one.unit == "m"), np.inf)
+
+
+def beyond_chance(d: Diagnosis) -> str:
+    """With what probability noise leaves as much as there is, where it is small, but no cause is found; else empty."""
+    p = d.unexplained.p_value
+    return f"{100.0 * max(p, 1e-4):.2g} %" if d.verdict == "none" and p < CHANCE else ""
 
 
 def scattered(d: Diagnosis) -> bool:
@@ -81,6 +98,13 @@ def also(d: Diagnosis) -> list[str]:
     return [f"Small and undecided, without influence on the verdict: {small}."] if small else []
 
 
+def agreed(d: Diagnosis) -> str:
+    """That visits agree with the declared noise after all, where they did not before the causes; else empty."""
+    agree = d.causes and d.noise_source == "declared" and d.noise_ratio == 1.0
+    words = "With the causes, repeated visits agree with the declared noise."
+    return words if agree and visits_over_declared(d.baseline) > 1.0 else ""
+
+
 def untested(found: Findings) -> str:
     """A sentence on effects that could not be tested; empty where there is none."""
     if not (lacking := [c for c in found.candidates if not c.testable]):
@@ -96,23 +120,29 @@ def untested(found: Findings) -> str:
 
 def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
     size, supposed, fits = gap_words(d.gap), d.noise_source == "residuals", d.baseline.by_instrument
-    if too_few(d):
-        return [
-            "These poses are too few: at left-out poses the calibrated geometry is no better than the nominal one."
-        ], []
-    hidden = may_hide(d)
+    if shown := too_few(d):
+        return [f"These poses are too few: at left-out poses {shown}."], []
+    hidden, rare = may_hide(d), beyond_chance(d)
+    if rare:
+        hidden = [
+            f"Noise alone would leave as much in {rare} of all cases: not rare enough for a verdict of unknown. Visit some "
+            "poses several times: noise differs between the visits, and an error repeats.",
+            *hidden,
+        ]
     if d.noise_ratio > PRIORS.understated:
         often = f"{d.noise_ratio:.2g} times the declared noise"
-        headline = f"No cause is detected: what is left is scatter between visits, {often}."
+        headline = f"No cause is detected: {'most of ' if rare else ''}what is left is scatter between visits, {often}."
         wrong = "The declared sigma is wrong, or something changes between the visits: a loose part, or the instrument."
         return [headline], [wrong, *hidden]
-    if hidden or scattered(d):
-        why = "whose causes could not be tested" if hidden else "which no effect of a recorded column explains"
+    if may_hide(d) or scattered(d):
+        why = "whose causes could not be tested" if may_hide(d) else "which no effect of a recorded column explains"
         headline = f"No cause is detected. Much of the noise is scatter between visits, {why}."
         return [headline], [scatters(d.baseline), *hidden]
-    if not supposed and d.gap.before > PRIORS.silent * d.gap.floor:
-        use = "The residuals of the fit are noise, but these poses are too few to determine the geometry. Measure more poses."
-    elif d.baseline.unobservable and not any(one.kind == "tracker" for one in fits):
+    if rare:
+        return [
+            f"No cause beside the geometry is detected: noise alone would leave as much in {rare} of all cases."
+        ], hidden
+    if d.baseline.unobservable and not any(one.kind == "tracker" for one in fits):
         read, noise = joined([one.name for one in fits]), ", if this is noise" if supposed else ""
         use = (
             f"The calibrated geometry explains the readings of {read}{noise}. Positions can still be wrong: gtpin calibrate "
@@ -153,9 +183,14 @@ def _explained(d: Diagnosis) -> tuple[list[str], list[str]]:
 
 def _ambiguous(d: Diagnosis) -> tuple[list[str], list[str]]:
     sure, _ = sure_and_doubtful(d.causes)
-    lacking = not_recorded(d) or [
-        "These data can't decide between the members of a class: at these poses, the model predicts the same with each."
-    ]
+    lacking, (_, open_) = not_recorded(d), sure_and_doubtful(d.causes)
+    if not lacking and any(len(cause.members) > 1 for cause in open_):
+        what = "These data can't decide between the members of a class: at these poses, the model predicts the same with each."
+        lacking = [what]
+    elif not lacking:
+        lacking = [
+            "These data are too few to be sure of the cause: it, or something else, could leave the same errors."
+        ]
     return cause_lines(d), [*_remedies(d, sure), *on_the_gap(d), *lacking]
 
 

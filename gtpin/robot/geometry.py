@@ -16,6 +16,9 @@ from gtpin.robot.chain import Chain
 from gtpin.robot.parameters import FREE, Parameter, all_tolerances, placement_parameters, rod_parameters
 from gtpin.typing import Floats, Mask
 
+UNITS = 100.0
+"""Times a parameter's nominal value, or times 1 m, 1 rad or 1 m/m, from which a value is one in another unit. Assumed."""
+
 
 @dataclass(frozen=True, repr=False)
 class Geometry:
@@ -140,12 +143,18 @@ class Geometry:
     def holding(self, fixed: Mapping[str, float]) -> Self:
         """The geometry with some parameters held at values, m, rad or m/m, so that a calibration does not identify them.
 
-        Raises `ModelError` where a name is no parameter's, or a value is no finite number.
+        Raises `ModelError` where a name is no parameter's, or a value is no finite number, or a hundred times its nominal
+        value, which is one in another unit.
         """
         check_names(fixed, self.names)
-        for name, value in fixed.items():
-            if real(value, name).ndim or not np.isfinite(value):
-                raise ModelError(f"{name} is held at {value!r}", hint="give a finite number, m, rad or m/m")
+        for p in (p for p in self.parameters if p.name in fixed):
+            value = fixed[p.name]
+            if real(value, p.name).ndim or not np.isfinite(value):
+                raise ModelError(f"{p.name} is held at {value!r}", hint="give a finite number, m, rad or m/m")
+            if abs(value) > UNITS * max(abs(p.nominal), FREE):
+                times = f", {abs(value / p.nominal):.3g} times less" if p.nominal else ""
+                what = f"{p.name} is held at {value:g} {p.unit}, but its nominal value is {p.nominal:g} {p.unit}{times}"
+                raise ModelError(what, hint="give values in m, rad or m/m: this looks like mm")
         kept = [i for i, p in enumerate(self.parameters) if p.name not in fixed]
         held = ((p, float(fixed[p.name])) for p in self.parameters if p.name in fixed)
         parameters = tuple(self.parameters[i] for i in kept)

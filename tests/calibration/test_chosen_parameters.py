@@ -113,6 +113,7 @@ def test_bounds_that_hold_anyway_change_nothing() -> None:
         ({"bounds": {"scale[cart1]": (0.0, 1.0)}}, r"no parameter is called 'scale\[cart1\]'"),
         ({"bounds": {NAME: (2.0, 1.0)}}, r"bounds of length\[2a\] are \(2\.0, 1\.0\)"),
         ({"fix": {NAME: float("nan")}}, r"length\[2a\] is held at nan"),
+        ({"fix": {NAME: 2045.9}}, r"length\[2a\] is held at 2045.9 m, .* times less; .* mm"),
         ({"fix": {NAME: "long"}}, "give real numbers"),
         ({"fix": [NAME]}, r"fix=\['length\[2a\]'\]; give a dictionary"),
         ({"fix": {NAME: 0.1}}, "can reach none of the poses"),

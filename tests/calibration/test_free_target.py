@@ -83,8 +83,10 @@ def test_with_frame_and_target_free_poses_that_were_not_measured_are_predicted_a
 
 def test_a_free_target_on_rods_is_refused() -> None:
     dataset = make_case(1, poses=40, held_out=1).dataset
-    with pytest.raises(DatasetError, match="free target"):
+    with pytest.raises(DatasetError, match="free target") as refused:
         gtpin.calibrate(replace(dataset, instrument=InstrumentSection(target="free")))
+    assert refused.value.hint is not None
+    assert '"free"' not in refused.value.hint  # no advice that is refused too
 
 
 @pytest.mark.parametrize("effect", ["link_compliance", "thermal_links"])

@@ -141,6 +141,21 @@ def test_a_free_instrument_is_found_beside_the_causes(seed):
     assert np.sqrt(((T - predicted.T) ** 2).mean()) < 1.5 * POSITION
 
 
+def test_a_drift_leaves_open_where_a_fixed_frame_was():
+    """The data do not show at what time the frame was right: the machine is known as well as the drift is small."""
+    true, observed = machine(3)
+    drift, size, references = Hypothesis(effects_by_id()["tracker_drift"], "frame"), 2.0, true.effects[0].references
+    found = fit_together(observed, nominal(), [drift], [size], references)
+    kinematics, q = found.kinematics, observed.measured.q
+    J = kinematics.geometry_jacobian(q, kinematics.forward(q))[:, :3]
+    sigma = np.sqrt(np.einsum("nip,pq,niq->n", J, found.covariance, J).mean())
+    first = observed.take(slice(0, 1))
+    first = replace(first, covariates={**first.covariates, "time": np.array([references.time[0]])})
+    begin = drift.basis(first.operating_points(nominal(), references))
+    moved = begin.twist[0, :3, 6:] * (size * begin.sigma[6:])  # without the constant, at home nearly
+    assert sigma > 0.8 * np.sqrt((moved**2).sum()), (sigma, np.sqrt((moved**2).sum()))
+
+
 def test_derivatives_by_a_calibration_s_unknowns_are_those_at_the_displaced_poses():
     """Far along a drift, a fit that takes them at the poses without it settles slowly, or not at all."""
     true, observed = machine(2)

@@ -19,6 +19,7 @@ from effect_places import (
     some,
 )
 
+from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.rack import FLANKS
 from gtpin.effects.tracks import TIPS
@@ -342,6 +343,20 @@ def test_a_drift_is_from_the_first_pose_to_the_last() -> None:
     np.testing.assert_allclose(values, twist[-1] - twist[0], rtol=0, atol=1e-15)
     assert told["largest_shift"] == pytest.approx(np.ptp(twist[:, :3], axis=0).max(), rel=0.01)
     assert told["largest_turn"] == pytest.approx(np.ptp(twist[:, 3:], axis=0).max(), rel=0.01)
+
+
+@pytest.mark.parametrize(("effect", "site"), [("tracker_drift", "frame"), ("target_drift", "platform")])
+def test_a_drift_since_an_earlier_model_moves_nothing_on_average(effect: str, site: str) -> None:
+    """An earlier model knows the frame: what has moved everywhere alike is no drift, but a shift."""
+    start, span = FIT.references.time
+    times = np.linspace(start, start + span, 3001)
+    home = KINEMATICS.home
+    at = OperatingPoints(KINEMATICS, np.zeros((3001, 3)), home[[0] * 3001], {"time": times}, FIT.references)
+    known = effects_by_id()[effect]
+    first, change = (one.basis(at, site) for one in (known, known.as_change()))
+    mean = [np.abs((basis.twist * basis.sigma).mean(axis=0)).max() for basis in (first, change)]
+    assert mean[0] > 1e-5
+    assert mean[1] < 1e-3 * mean[0]
 
 
 def test_an_instrument_that_reads_too_long_puts_points_farther_apart() -> None:

@@ -82,6 +82,17 @@ def test_without_temperatures_thermal_effects_are_named_as_left_out(warm: gtpin.
     assert list(table.columns) == ["q1", "q2", "q3", "dq1", "dq2", "dq3"]
 
 
+@pytest.mark.slow
+def test_an_effect_that_changes_between_the_nodes_is_left_out_and_named(warm: gtpin.Model, tmp_path: Path) -> None:
+    q = np.random.default_rng(1).uniform(warm.robot.lower, warm.robot.upper, (200, 3))
+    smooth = replace(warm, effects=warm.effects[:1])
+    short = active(warm, q, "rack_periodic", "cart2", 0.031, first=1e-4)
+    words = "\n".join(told(replace(smooth, effects=(*smooth.effects, short)), tmp_path / "with.csv", "grid"))
+    assert "is without rack_periodic@cart2" in words
+    told(smooth, tmp_path / "without.csv", "grid")
+    assert (tmp_path / "with.csv").read_text() == (tmp_path / "without.csv").read_text()
+
+
 @pytest.mark.parametrize(
     ("robot", "form", "tables", "message"),
     [

@@ -12,6 +12,7 @@ from gtpin.diagnosis.result import BestKnown, Considered, Correlate, Leader, Mem
 from gtpin.effects.untestable import Untestable
 from gtpin.estimate import Estimate
 from gtpin.report.phrases import cause_rows
+from gtpin.report.steps import steps
 from gtpin.report.verdict import could_be, nearest, verdict
 
 pytestmark = pytest.mark.slow  # two diagnoses
@@ -53,9 +54,39 @@ def test_without_positions_only_what_was_read_needs_no_compensation(none):
 def test_poses_that_are_too_few_for_the_geometry_are_said_to_be(findings):
     found = findings["none"]
     few = replace(found, noise_source="declared", gap=replace(found.gap, before=10.0 * found.gap.floor))
-    said = " ".join(verdict(few).advice)
-    assert "Measure more poses" in said
-    assert "is enough" not in said
+    said = verdict(few)
+    assert said.badge == "too few poses"
+    assert said.headline.startswith("These poses are too few")
+    assert "is enough" not in " ".join(said.advice)
+    assert steps(few)[0].words.startswith("Measure more poses")
+
+
+def test_what_noise_seldom_leaves_is_not_called_noise_alone(findings):
+    found = findings["none"]
+    rare = replace(found, unexplained=replace(found.unexplained, p_value=0.004))
+    said = verdict(rare)
+    assert "0.4 %" in said.headline
+    assert "only noise" not in said.headline
+    assert "several times" in " ".join(said.advice)
+    assert "no other compensation" not in " ".join(said.advice)
+    assert "visit ten poses" in steps(rare)[0].words
+
+
+def test_visits_that_agree_with_the_declared_noise_beside_the_causes_are_said_to(findings):
+    found = replace(findings["explained"], noise_source="declared", noise_ratio=1.0)
+    noise = found.baseline.noise
+    larger = replace(noise, source="repeats", sigma=3.0 * noise.sigma, estimated=np.ones_like(noise.estimated))
+    words = "repeated visits agree with the declared noise"
+    assert words in " ".join(verdict(replace(found, baseline=replace(found.baseline, noise=larger))).advice)
+    assert words not in " ".join(verdict(found).advice)
+
+
+def test_a_cause_without_another_member_of_its_class_is_not_said_to_be_one_of_several(findings):
+    found = findings["explained"]
+    alone = replace(found.causes[0], probability=0.94, members=found.causes[0].members[:1])
+    said = " ".join(verdict(replace(found, verdict="ambiguous", causes=(alone,))).advice)
+    assert "members of a class" not in said
+    assert "something else" in said
 
 
 def test_a_cause_is_named_with_its_site_and_what_it_does_to_the_gap(findings):

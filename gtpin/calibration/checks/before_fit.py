@@ -135,6 +135,8 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
     there = poses.reached
     if not there.any():
         hint = "check that dataset.toml names the robot that was measured"
+        if geometry.held:
+            hint += f", and the values at which {', '.join(p.name for p, _ in geometry.held)} are held"
         raise DatasetError("the robot can reach none of the poses", file=dataset.file, hint=hint)
     check_other_readings(dataset, nominal, poses, there & ~outside)
     if not there.all():

@@ -75,9 +75,11 @@ def with_credible_noise(fit: RobustFit, settled: FitState) -> tuple[RobustFit, F
     for one in _declared(readings):
         if settled.noise.estimated[one.group]:
             what = _text(readings, one, float(settled.noise.sigma[one.group]), "repeated visits")
+            if settled.noise.repeatability > 0.0:
+                what += f", beside a repeatability of {settled.noise.repeatability:.2g} of each drive"
             warn(
-                f"{what}: the fit of the geometry takes it for noise; the declared value is wrong, or something changes "
-                "between visits"
+                f"{what}, before any cause is looked for: the fit of the geometry takes it for noise; the declared value is "
+                "wrong, or something changes between visits"
             )
     suspects = [one for one in _declared(readings) if _overstated(settled, one)]
     if not suspects:

@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.console import Group, RenderableType
 
+from gtpin.compensation.compensate import NOT_THE_MACHINE
 from gtpin.extras.certificate.budget import COVERAGE, Budget, Contribution
 from gtpin.extras.certificate.quantity import Quantity
 from gtpin.extras.certificate.result import Certificate
 from gtpin.extras.certificate.terms import BASES, DEFINITIONS, HOW, ROWS, SOURCES, STATE, STATED, WHY
 from gtpin.model.model_folder import model_json, write_model
+from gtpin.model.place import movers
 from gtpin.output.results import json_text
 from gtpin.report.page import (
     Block,
@@ -83,7 +85,7 @@ class CertificatePresentation(PagePresentation):
     def sections(self) -> Sequence[Section]:
         """What is certified, the numbers, the budget, what is blank, and the standards."""
         c = self.certificate
-        effects = ", ".join(active.name for active in c.model.effects)
+        effects = ", ".join(active.name for active in c.model.effects if active.site not in NOT_THE_MACHINE)
         certified = [
             *what(c),
             f"Measured commands: {typeset(limits(c))}.",
@@ -348,6 +350,9 @@ def statement(c: Certificate) -> list[str]:
         f"It is computed from {counted(c.rows, 'measurement')} of {counted(c.poses, 'pose')}. {BASES[c.basis]}",
         "It is valid between the measured commands, under the recorded conditions, and for a controller that uses the model.",
     ]
+    if names := movers(c.model):
+        frame = f"Positions are in the mean of the base frame over the measurements: {joined(list(names))} moved it"
+        found.append(f"{frame}, and is not corrected.")
     found += [STATED[key] for key in (c.verdict, c.noise_known) if key in STATED]
     return [*found, f"Set aside: {joined(list(c.set_aside))}."] if c.set_aside else found
 

@@ -26,6 +26,8 @@ LEAST = 1e-8
 """Motion of the TCP, m, below which an effect counts as absent under the conditions of the tables."""
 INTERVAL = (0.025, 0.975)
 """Quantiles of the intervals."""
+WORSE = 1.05
+"""Ratio of the error with tables to that without, from which tables make it worse. Assumed."""
 UNITS = {"angle": ("deg", float(np.degrees(1.0))), "scale": ("per mille", 1e3)}
 """Units in messages, and factors to them, of those dimensions of a delta that are no lengths."""
 DETERMINED = 0.5
@@ -180,6 +182,11 @@ class Left:
         """Whether there is no error to correct."""
         return _rms(self.before) < LEAST
 
+    @property
+    def is_worse(self) -> bool:
+        """Whether the error is larger with the tables; that of backlash is the same."""
+        return _rms(self.after) > WORSE * _rms(self.before) > LEAST
+
     def words(self, where: str, temperatures: Mapping[str, float]) -> str:
         """Text with the root mean squares of both errors, um: of the machine where its uncertainty is known, else of the
         model."""
@@ -219,16 +226,13 @@ def check_any(left: Sequence[Left]) -> None:
         raise ModelError("there is nothing to correct: the model is what the controller has", hint=hint)
 
 
-def by_parts(
-    machines: Mapping[str, CompensatedMachine], left: Callable[[CompensatedMachine], Left]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def by_parts(parts: Mapping[str, Left]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The remaining error of each part of the model if tables are made for it alone, as texts, and the names of effects that
     move nothing under the conditions of the tables."""
     words, absent = [], []
-    if len(machines) < 2:  # its part is the whole
+    if len(parts) < 2:  # its part is the whole
         return (), ()
-    for name, machine in machines.items():
-        found = left(machine)
+    for name, found in parts.items():
         if not found.is_nothing:
             words.append(f"{name} {um(_rms(found.after))} of {um(_rms(found.before))} um")
         elif name != "geometry":

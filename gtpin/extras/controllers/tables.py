@@ -152,7 +152,7 @@ def printer_correction(
     tables = tuple(tables_of(at, controller) for at in machines)
     remains = tuple(left(at, controller, table, model) for at, table in zip(machines, tables, strict=True))
     check_any(remains)
-    words, absent = by_parts(parts(machines[-1], believed), left_alone)
+    words, absent = by_parts({name: left_alone(part) for name, part in parts(machines[-1], believed).items()})
     names = (*(DIMENSIONS if drives is not None else [""] * D), *PARTS)
     alone = tuple(name for name, used in zip(names, chosen, strict=True) if name and not used)
     changes = () if drives is None or towers is None else changed_dimensions(first, drives, towers, chosen[:D], box)
@@ -211,14 +211,20 @@ def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None =
     believed = wanted.believed(model)
     table = grid_table(machine, believed, wanted.temperatures)
     last = replace(machine, temperatures=table.temperatures[-1])
-
-    def left(part: CompensatedMachine) -> Left:
-        return _left_of_grid(part, believed, grid_table(part, believed, wanted.temperatures), model)
-
+    alone = {
+        name: _left_of_grid(part, believed, grid_table(part, believed, wanted.temperatures), model)
+        for name, part in parts(last, believed).items()
+    }
+    coarse = tuple(name for name, one in alone.items() if name != "geometry" and one.is_worse)
+    if coarse:
+        finer = replace(machine, model=machine.model.without(coarse))
+        table = grid_table(finer, believed, wanted.temperatures)
     remains = _left_of_grid(last, believed, table, model)
     check_any([remains])
-    words, absent = by_parts(parts(last, believed), left)
+    words, absent = by_parts(alone)
     notes = [remains.words("the range of the actuators", last.temperatures), *words]
+    if coarse:
+        notes.append(f"is without {', '.join(coarse)}: it has too few nodes for it, and would make the error larger")
     missing = np.isnan(table.change[0]).any(axis=-1)
     if missing.any():
         notes.append(f"has no numbers at {missing.sum()} of {missing.size} nodes, where the robot can't be")

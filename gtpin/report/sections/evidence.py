@@ -10,10 +10,9 @@ from gtpin.report.page import Bar, Bars, Block, Fold, Plots, Section, Table
 from gtpin.report.phrases import named, reason_words
 from gtpin.report.residual_plots import over_two
 from gtpin.report.sections import FitPresentation, section
+from gtpin.report.verdict import CHANCE
 from gtpin.report.words import coordinate_words, counted, joined, percent, short, site_words, typeset, whole
 
-CHANCE = 0.01
-"""Smallest p-value at which noise alone explains the residuals."""
 LEAST = 0.01
 """Smallest share that has a bar."""
 SHOWN = 12
@@ -34,7 +33,7 @@ def where_it_lies(r: FitPresentation) -> Section | None:
     }
     beside = [(title, bars) for title, bars in groups.items() if bars]
     if not beside or r.diagnosis.verdict == "none":
-        return Section("where", "Where it lies", ["The residuals are noise: shares have no meaning."])
+        return Section("where", "Where it lies", ["No cause is named: shares of the gap have no meaning."])
     content: list[Block] = [
         f"Computed before any cause is named. By {'rod, ' if where.rod else ''}axis and region: shares of the gap's mean "
         "square beyond noise. By site and by coordinate: the largest gain in log evidence of an effect or a smooth term, "
