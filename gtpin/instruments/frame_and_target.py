@@ -238,10 +238,11 @@ def _scale(r: Floats) -> float:
     return max(float(np.median(np.linalg.norm(r, axis=1))) / MEDIAN, LEAST)
 
 
-def nearest(matrix: Floats) -> Floats:
-    """The rotation that is nearest to a matrix (3, 3)."""
-    U, _, Vt = np.linalg.svd(matrix)
-    return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt)
+def nearest(matrices: Floats) -> Floats:
+    """(..., 3, 3) the rotations that are nearest to matrices."""
+    U, _, Vt = np.linalg.svd(matrices)
+    U[..., 2] *= np.linalg.det(U @ Vt)[..., None]
+    return np.asarray(U @ Vt)
 
 
 def _kabsch(at: Floats, T: Floats) -> Floats:
