@@ -31,7 +31,7 @@ TRIED, TRIED_ROUGHLY = 5, 2
 """Number of starts that are fitted, and of a rough result: those with the largest likelihood. Assumed."""
 ROUGH = 12
 """Number of steps that choose among these starts."""
-SETTLED = 1e-7
+FRAME_CHANGE = 1e-7
 """Change of the log likelihood of a pose at which the fit has settled."""
 LEAST = 1e-9
 """Smallest scale of residuals, m and rad."""
@@ -170,7 +170,7 @@ class _Fit:
             step = np.asarray(np.linalg.solve(normal + 1e-9 * np.diag(np.diag(normal)), gradient), dtype=np.float64)
             s = self.stepped(s, step)
             cost = self.cost(s)
-            still = abs(cost - least) < SETTLED * len(self.T)
+            still = abs(cost - least) < FRAME_CHANGE * len(self.T)
             if cost < least:
                 best, least = s, cost
             if still:
