@@ -32,19 +32,20 @@ LAYERS = (
     ("instruments",),
     ("calibration",),
     ("diagnosis", "accuracy", "comparison", "compensation"),
-    ("planning", "sim"),
+    ("planning",),
     ("report",),
     ("export",),
     ("commands",),
     ("extras",),
     ("bench",),
     ("cli",),
-    ("__main__", "plant"),
+    ("__main__", "plant", "sim"),
 )
 """Folders and single files of the package, the lowest first. ``robot`` reads ``data`` for the names of commands; ``bench``
 makes machines and judges answers."""
-NOT_CORE = ("extras", "bench", "plant")
-"""Parts that the core reaches by entry points alone; ``plant`` is the former name of ``bench.simulator``."""
+NOT_CORE = ("extras", "bench", "plant", "sim")
+"""Parts that the core reaches by entry points alone; ``plant`` is the former name of ``bench.simulator``, ``sim`` the public
+name of a part of ``extras.simulators``."""
 ASKING = {
     "calibration/checks/after_fit.py": 1,
     "calibration/checks/before_fit.py": 1,
