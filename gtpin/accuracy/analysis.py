@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from gtpin.errors import ModelError, check_kind, noted
 from gtpin.kinematics.rotations import well_defined, zyz
 from gtpin.model.model import Model
 from gtpin.model.place import free_motions
-from gtpin.output.shown import Shown, present
+from gtpin.output.shown import SavedResult, present
 from gtpin.read_only import gives_read_only
 from gtpin.real import real
 from gtpin.threads import in_one_thread
@@ -32,7 +31,7 @@ SCHEMA = "gtpin-accuracy/1"
 
 
 @dataclass(frozen=True, repr=False)
-class Accuracy(Shown):
+class Accuracy(SavedResult):
     """An accuracy analysis of a model.
 
     Parameters
@@ -120,13 +119,6 @@ class Accuracy(Shown):
             "dexterity": {name: _range_json(values) for name, values in measures.items()},
             "warnings": list(self.warnings),
         }
-
-    def save(self, folder: Path | str, *, force: bool = False) -> None:
-        """Write what ``gtpin sensitivity`` writes: ``sensitivity.csv``, ``accuracy.json``, ``report.html`` and plots.
-
-        With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
-        """
-        present(self).save(Path(folder), force=force)
 
     def plot_workspace(self, quantity: str = "position error") -> Figure:
         """Plot slices of the workspace, coloured by an expected error or a measure of dexterity.

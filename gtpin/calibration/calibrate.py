@@ -47,10 +47,10 @@ FIXED = 80e6
 PER_POSE = 1900.0
 """Bytes of memory that it needs for each pose, in addition to the dataset. Measured: 1,870 of a Gantry-Tau, whose
 configurations have 22 numbers (docs/speed.md)."""
-FEWEST = 1.0
+LEAST_FREEDOM = 1.0
 """Fewest degrees of freedom (measured numbers less the effective number of parameters) of a fit: with less, nothing could be
 said of its noise or its error."""
-MANY = 100_000
+ANNOUNCED_POSES = 100_000
 """Number of poses from which on the expected memory and time are told first."""
 TRIED, PASSES = 1_000, (2.0, 12.0)
 """Number of poses whose derivatives are computed to see how fast this machine is, and the fewest and most times that a
@@ -252,7 +252,7 @@ def _calibrated(
     """Fit; with ``doubt``, also check the declared noise, frame and tolerances."""
     needed = FIXED + PER_POSE * len(dataset)
     require(f"calibrating {len(dataset):,} poses", needed)
-    if progress is not None and len(dataset) >= MANY:
+    if progress is not None and len(dataset) >= ANNOUNCED_POSES:
         progress(f"{EXPECTED} {amount(needed)} of memory and {_expected(dataset, geometry)}", 0, float("nan"))
     data, whole, usable, kept, near, problem, tracked = fittable(dataset, geometry)
     if not problem.size:
@@ -261,7 +261,7 @@ def _calibrated(
     found = np.array([p.is_free or (target and p.kind == "platform") for p in parameters], dtype=bool)
     fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, found if found.any() else None)
     settled = settled_fit(data, kept, fit, tracked=tracked, doubt=doubt)
-    if settled.dof < FEWEST:
+    if settled.dof < LEAST_FREEDOM:
         numbers = len(kept) * problem.measured.components
         raise DatasetError(
             f"{numbers:g} measured numbers leave {max(settled.dof, 0.0):.2g} degrees of freedom",

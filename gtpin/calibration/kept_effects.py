@@ -18,7 +18,7 @@ from gtpin.typing import Floats
 
 PASSES = 6
 """Largest number of passes. The motions by the effects change with the geometry in second order only: three are usual."""
-SETTLED = 1e-7
+MOTION_CHANGE = 1e-7
 """Change of the motions by the effects, m and rad, below which they have converged: far below any instrument's noise."""
 
 
@@ -94,7 +94,7 @@ def _with_kept(
         model = replace(found.model, effects=tuple(kept))
         motions = model.predict(dataset.q, dataset.covariates).minus(found.model.predict(dataset.q))
         motions[~np.isfinite(motions).all(axis=1)] = 0.0  # poses out of reach: the calibration leaves them out
-        if np.abs(motions - before).max(initial=0.0) < SETTLED:
+        if np.abs(motions - before).max(initial=0.0) < MOTION_CHANGE:
             return replace(found, model=model)
         orientation = dataset.orientation
         if orientation is not None:

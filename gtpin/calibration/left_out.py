@@ -11,12 +11,12 @@ import numpy.typing as npt
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.typing import Floats, Indices
 
-LOST = 1e-6
+LEAST_DETERMINED = 1e-6
 """Smallest ratio of a number's noise variance to the variance of its prediction from the other blocks. Below it, the other
 blocks do not determine the number: readings of other sockets, for example, do not determine the position of a socket. Assumed:
 with noise of 20 um, a prior of 1 m gives less than 1e-9, and a tolerance of 0.5 mm gives about 1e-4."""
 
-MOST = 2000
+MOST_LEFT_OUT = 2000
 """Largest number of poses that are left out: the root mean square of three components has a relative standard error of 1 %."""
 TOGETHER = 500
 """Number of rows whose derivatives are in memory at the same time."""
@@ -35,7 +35,7 @@ def left_out(fit: Fit[Any], poses: Indices) -> tuple[Floats, npt.NDArray[np.bool
     """
     count = int(poses.max()) + 1
     taken = np.zeros(count, dtype=bool)
-    taken[np.linspace(0, count - 1, min(count, MOST)).round().astype(int)] = True
+    taken[np.linspace(0, count - 1, min(count, MOST_LEFT_OUT)).round().astype(int)] = True
     some = taken[poses]
     order = np.flatnonzero(some)
     order = order[np.argsort(poses[order], kind="stable")]
@@ -87,13 +87,13 @@ class LeftOutBlock:
         """
         if len(half) <= half.shape[1]:
             w, V = np.linalg.eigh(np.eye(len(half)) - half @ half.T)
-            good = w > LOST
+            good = w > LEAST_DETERMINED
             along = V[:, good].T @ residual
             errors, lost = V[:, good] @ (along / w[good]), V[:, ~good]
         else:
             # The same by Woodbury's identity: a session has thousands of rows, and the fit a few hundred coefficients.
             w, U = np.linalg.eigh(np.eye(half.shape[1]) - half.T @ half)
-            good = w > LOST
+            good = w > LEAST_DETERMINED
             lost = half @ U[:, ~good] / np.sqrt(1.0 - w[~good])
             seen = half @ U[:, good]
             errors = residual - lost @ (lost.T @ residual) + seen @ ((seen.T @ residual) / w[good])

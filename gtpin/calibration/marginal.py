@@ -21,7 +21,7 @@ from gtpin.typing import Floats, Mask
 
 STEPS = 200
 """Most fixed-point steps."""
-SETTLED = 1e-4
+MARGINAL_CHANGE = 1e-4
 """Relative change of sigmas and factor below which they have converged."""
 WIDEST = 100.0
 """Largest factor on the tolerances. Assumed: a robot that is farther from nominal is another robot."""
@@ -115,7 +115,7 @@ class MarginalLikelihood:
                 wider = float(np.clip(np.sqrt(power / max(float(sure), 1e-6)), 1.0, WIDEST))
             changed = max(np.abs(now / sigma - 1.0).max(initial=0.0), abs(wider / factor - 1.0))
             sigma, factor = now, wider
-            if changed < SETTLED:
+            if changed < MARGINAL_CHANGE:
                 break
         prior, A, b = self._normal(sigma, factor)
         lower = _factor(A)

@@ -24,7 +24,7 @@ NEIGHBOURS_OF = 1000
 UNCORRELATED = 0.025
 """Probability of calling independent scatter correlated; equal to that of accepting a repeatability that does not exist.
 Assumed."""
-SETTLED = 1e-3
+ALIKE = 1e-3
 """Relative change of an estimated sigma below which it has converged."""
 NEAREST = 0.1
 """Smallest distance, m, of an instrument from the poses that it measures. Assumed."""
@@ -194,9 +194,9 @@ def noise_at(noise: ReadingNoise, measured: Readings) -> ReadingNoise:
 
 def same(one: ReadingNoise, two: ReadingNoise) -> bool:
     """Whether two successive estimates of the noise are equal, so that the iteration has converged."""
-    close = np.abs(one.sigma - two.sigma) <= SETTLED * two.sigma
-    drives = abs(one.repeatability - two.repeatability) <= SETTLED * (two.sigma.min(initial=1.0) + two.repeatability)
-    return bool(close.all() and drives and abs(one.range_ratio - two.range_ratio) <= SETTLED * two.range_ratio)
+    close = np.abs(one.sigma - two.sigma) <= ALIKE * two.sigma
+    drives = abs(one.repeatability - two.repeatability) <= ALIKE * (two.sigma.min(initial=1.0) + two.repeatability)
+    return bool(close.all() and drives and abs(one.range_ratio - two.range_ratio) <= ALIKE * two.range_ratio)
 
 
 def _scores(problem: Problem, point: Point, J: Floats) -> list[float]:

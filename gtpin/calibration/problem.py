@@ -17,7 +17,7 @@ from gtpin.kinematics.rotations import exp, frame_motions, from_quaternions, lef
 from gtpin.model.model import Frame, Model
 from gtpin.typing import Floats
 
-FARTHEST = 1e12
+CLIPPED = 1e12
 """Largest whitened residual; larger ones are clipped, so that the square of a gross error is finite."""
 UNKNOWN_STEPS, FARTHEST_UNKNOWN = 12, 1e3
 """Largest number of Gauss-Newton steps of the instruments' unknowns alone; and the largest deviation of these, m and rad:
@@ -138,7 +138,7 @@ class Problem:
     def residual_at(self, point: Point, poses: Poses) -> Floats:
         """(N, c) whitened measured less predicted, for given poses, base frame, instead of those of the point's geometry."""
         return np.asarray(
-            np.clip(np.einsum("nij,nj->ni", self.whitening, self.raw_residual(point, poses)), -FARTHEST, FARTHEST)
+            np.clip(np.einsum("nij,nj->ni", self.whitening, self.raw_residual(point, poses)), -CLIPPED, CLIPPED)
         )
 
     def raw_residual(self, point: Point, poses: Poses) -> Floats:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 RANK = 1e-8
 """Pivot of the triangular factor, relative to the largest, below which a column depends on those before it: that of FIGAROH's
 QR decomposition."""
-LEAST = 1e-6
+LEAST_FACTOR = 1e-6
 """Smallest factor, in units of the tolerances, of a parameter that is part of a base parameter: that of FIGAROH too."""
 
 
@@ -98,7 +98,7 @@ def base_parameters(triangular: Floats, geometry: Geometry, covariance: Floats) 
     found = []
     for i, parameter in enumerate(geometry.parameters[k] for k in order[:rank]):
         scaled = np.zeros(len(order))
-        scaled[order[i]], scaled[order[rank:]] = 1.0, np.where(np.abs(beta[i]) > LEAST, beta[i], 0.0)
+        scaled[order[i]], scaled[order[rank:]] = 1.0, np.where(np.abs(beta[i]) > LEAST_FACTOR, beta[i], 0.0)
         weight = parameter.tolerance * scaled / geometry.tolerance
         terms = {geometry.names[k]: float(weight[k]) for k in (order[i], *order[rank:]) if weight[k]}
         sigma = float(np.sqrt(weight @ covariance @ weight))

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,12 +19,8 @@ from gtpin.estimate import Estimate
 from gtpin.instruments.instrument import Unknown
 from gtpin.model.model import Model
 from gtpin.noise.reading_noise import ReadingNoise
-from gtpin.output.shown import Shown, present
+from gtpin.output.shown import FitResult, present
 from gtpin.typing import Floats, Mask
-
-if TYPE_CHECKING:
-    from plotly.graph_objects import Figure
-
 
 WORSE = 1.05
 """Error of the calibrated robot over that of the nominal one from which the fit counts as worse. Assumed: noise, which a
@@ -85,7 +80,7 @@ class Iteration(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Calibration(Shown):
+class Calibration(FitResult):
     """A calibrated model with its uncertainty and the quality of the fit.
 
     Parameters
@@ -329,65 +324,6 @@ class Calibration(Shown):
             "by_instrument": {one.name: one.to_json() for one in self.by_instrument if one.name},
             "warnings": list(self.warnings),
         }
-
-    def save(self, folder: Path | str, *, force: bool = False) -> None:
-        """Write what ``gtpin calibrate`` writes: ``model/``, ``calibration.json``, ``report.html`` and ``report.txt``.
-
-        With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
-        """
-        present(self).save(Path(folder), force=force)
-
-    def plot_residuals(self, against: str, component: str | None = None) -> Figure:
-        """Plot a component of the residuals against a command or covariate.
-
-        Parameters
-        ----------
-        against
-            The column: ``q1``, ``time``, ...
-        component
-            An axis of the pose (``x``, ``y``, ``z``, ``rx``, ``ry``, ``rz``), or the site of an actuator for the error of its
-            travel. By default the first actuator. For a dataset of schema 2 a component of its readings takes the place of the
-            axis and of the default: its name (``range``) where there is one instrument; where there are several, the
-            instrument's name (``wire``), followed by the component if it reads more than one (``cup.x``).
-
-        Raises
-        ------
-        DatasetError
-            If there is no such column or component.
-        """
-        figure: Figure = present(self).against(against, component)
-        return figure
-
-    def plot_workspace(self, view: str = "xy") -> Figure:
-        """Plot the position residuals in a plane of the base frame: ``xy``, ``xz`` or ``yz``.
-
-        For a dataset of schema 2: the size of each reading's residual over its sigma.
-        """
-        figure: Figure = present(self).workspace(view)
-        return figure
-
-    def plot_ball_bar(self, circle: int = 0) -> Figure:
-        """Polar plots of a circular test: deviations of the radius as measured, and as the calibrated geometry leaves them.
-
-        The dataset needs a ``range`` instrument with readings along half a turn or more about a station, as a ball bar gives.
-
-        Parameters
-        ----------
-        circle
-            Index of the circle, counted from 0, where the dataset has several.
-
-        Raises
-        ------
-        DatasetError
-            If there is no such circle.
-        """
-        figure: Figure = present(self).ball_bar(circle)
-        return figure
-
-    def plot_parameters(self) -> Figure:
-        """The table of the geometry's parameters, as a figure."""
-        figure: Figure = present(self).parameters()
-        return figure
 
 
 def _errors_json(c: Calibration) -> dict[str, float | None]:

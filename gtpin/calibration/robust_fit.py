@@ -40,14 +40,14 @@ PART = 20_000
 """Size of a random subset of rows that is fitted first if there are twice as many: its standard errors are less than a
 hundredth of a tolerance, so that one step on all rows is enough afterwards. Measured: docs/speed.md.
 """
-LOST = 100.0
+FAILED_RATIO = 100.0
 """Ratio of residuals to noise above which a rough fit has failed: 1.5 mm for a tracker. Assumed."""
 COARSE = (1e-2, 1e-3)
 """Sigmas, m and rad, of the coarse fits that are made before a second rough fit: first those of the largest tolerances, then
 those of usual ones."""
 ENTRIES = 6
 """Most fits by which the larger of the two maxima of the marginal likelihood is found: each is linear about the last."""
-NEAR = 0.1
+MAXIMUM_CHANGE = 0.1
 """Relative change of noise and tolerances from one of these fits to the next, below which the maximum is found."""
 DEMANDED = 7.0
 """Gain in log marginal likelihood, nats, from which tolerances are wider than given: as ``STRAINED`` of the strain's check."""
@@ -174,7 +174,7 @@ class RobustFit:
         nominal = None
         outcome = self.rough(noise)
         steps = outcome.iterations
-        if self._scale(outcome.residual, used) > LOST:
+        if self._scale(outcome.residual, used) > FAILED_RATIO:
             for sigma in COARSE:
                 nominal = self._fit(used, noise.at_least(sigma), self._huber, nominal, "coarse fit", self.near).point.x
             outcome = self.rough(noise, nominal)
@@ -185,9 +185,9 @@ class RobustFit:
         for _ in range(ENTRIES):
             best = at._larger_maximum(outcome, noise, given)
             factor = best.factor / at._factor(given)
-            settled = np.abs(best.noise.sigma / noise.sigma - 1.0).max(initial=0.0) < NEAR and abs(factor - 1.0) < NEAR
+            change = max(np.abs(best.noise.sigma / noise.sigma - 1.0).max(initial=0.0), abs(factor - 1.0))
             noise = replace(noise, sigma=best.noise.sigma)
-            if settled:
+            if change < MAXIMUM_CHANGE:
                 break
             x = outcome.point.x.copy()
             own = at._widenable

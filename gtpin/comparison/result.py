@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy.typing as npt
 from gtpin.data import Dataset
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import from_quaternions, log, zyz_change
-from gtpin.output.shown import Shown, present
+from gtpin.output.shown import SavedResult, present
 from gtpin.real import generator
 from gtpin.typing import Floats
 
@@ -86,7 +85,7 @@ def _interval(values: Sequence[float | None]) -> tuple[float, float] | None:
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison(Shown):
+class Comparison(SavedResult):
     """The models that the dataset allows, side by side.
 
     Parameters
@@ -132,13 +131,6 @@ class Comparison(Shown):
             for held, interval in zip(self.held, self.intervals(), strict=True)
         ]
         return {"schema": "gtpin-compare/1", "seed": self.seed, "models": rows, "warnings": list(self.warnings)}
-
-    def save(self, folder: Path | str, *, force: bool = False) -> None:
-        """Write what ``gtpin compare`` writes: ``compare.csv``, ``compare.json``, ``report.html`` and a plot.
-
-        With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
-        """
-        present(self).save(Path(folder), force=force)
 
     def plot_errors(self) -> Figure:
         """Mean, root mean square and largest position error of each model, with 95 % intervals."""

@@ -20,11 +20,11 @@ COMMAND_STEPS = (0.1, 0.05, *POSITION_STEPS)
 """Steps that commands are rounded to, m or rad, the coarsest first."""
 DEGREE_STEPS = (1.0, 0.5, 0.1, 0.05, 0.01, 0.005, 0.001)
 """Steps that commands of joints that turn are rounded to, degrees, the coarsest first. Assumed: as controllers show them."""
-FEWEST = 10
+STEP_ROWS = 10
 """Fewest rows from which it is not due to chance that all are multiples of a step. Assumed."""
 EXACT = 1e-6
 """Share of a step by which a number may differ from a multiple of it: binary numbers don't represent decimals exactly."""
-FARTHEST = 1e3
+GROSS_COORDINATE = 1e3
 """Coordinate, m, beyond which a position is a gross error, whose digits are not used. Assumed."""
 MATTERS = 1.05
 """Factor by which rounding must increase the noise to be taken into account. Assumed."""
@@ -54,8 +54,8 @@ def with_rounding(dataset: Dataset) -> Dataset:
 
 def coarsest_step(values: Floats, steps: Sequence[float]) -> float | None:
     """The first of some steps that all values (N, k) are multiples of; None where there is none, or there are few rows."""
-    near = values[(np.abs(values) < FARTHEST).all(axis=1)]
-    if len(near) < FEWEST:
+    near = values[(np.abs(values) < GROSS_COORDINATE).all(axis=1)]
+    if len(near) < STEP_ROWS:
         return None
     for step in steps:
         counts = near / step
@@ -91,7 +91,7 @@ def command_steps(q: Floats, revolute: Mask) -> CommandSteps | None:
     return None
 
 
-CHANCE = 1e-5
+COPY_CHANCE = 1e-5
 """Probability of as many equal rows below which they are copies. Assumed."""
 LEAST_SCATTER = 1e-6
 """Scatter of a reading between visits, m or rad, where no visits differ that could show it. Assumed: few machines repeat to
@@ -100,7 +100,7 @@ STEPS = tuple(m * 10.0**-k for k in range(2, 10) for m in (1.0, 0.5))
 """Steps that readings are rounded to, m or rad, the coarsest first."""
 FINEST = 1e-12
 """Step of readings with all digits of a binary number, m or rad."""
-FEW, MANY = 5, 1000
+FEWEST_DIFFERENCES, MOST_DIFFERENCES = 5, 1000
 """Fewest differences between visits that show a step of their own, such as that of inches; and most that are used. Assumed."""
 
 
@@ -174,7 +174,7 @@ def _copies(same: list[NDArray[np.generic]], read: list[Floats]) -> NDArray[np.b
     visits = np.bincount(place[~copied])
     pairs = float((visits * (visits - 1)).sum()) / 2.0
     equal = int(repeated.sum())
-    if equal and betainc(equal, pairs - equal + 1.0, _chance(place, row, read)) < CHANCE:
+    if equal and betainc(equal, pairs - equal + 1.0, _chance(place, row, read)) < COPY_CHANCE:
         copied |= repeated
     return copied
 
@@ -186,7 +186,7 @@ def _chance(place: Indices, row: Indices, read: list[Floats]) -> float:
     """
     order = np.argsort(place, kind="stable")
     visits = np.flatnonzero((np.diff(place[order]) == 0) & (np.diff(row[order]) != 0))
-    visits = visits[:: 1 + len(visits) // MANY]
+    visits = visits[:: 1 + len(visits) // MOST_DIFFERENCES]
     chances = [1.0]
     for column in read:
         moved = np.abs(column[order][visits + 1] - column[order][visits])
@@ -201,7 +201,7 @@ def _chance(place: Indices, row: Indices, read: list[Floats]) -> float:
 
 def _step(column: Floats, moved: Floats) -> float:
     """The step to which a column is rounded, given differences between visits: one that these show, or a decimal one."""
-    if len(moved) >= FEW:
+    if len(moved) >= FEWEST_DIFFERENCES:
         for part in (1.0, 2.0, 3.0):
             steps = moved * (part / moved.min())
             if (np.abs(steps - np.round(steps)) < 1e-3).all():

@@ -26,11 +26,11 @@ TURNS = 3.0
 ONCE = 2.0 * np.pi
 """Angle, rad, by which a command may be off its range for whole turns to be taken off: one turn. Assumed: controllers count
 from 0 to 360 degrees or to either side; commands in degrees are farther off."""
-SHOWN = 10
+NAMED_POSES = 10
 """Number of poses that a message names."""
 _SEVERAL = 6
 """Fewest rows out of range for the message that a part of a column is in another unit. Assumed."""
-MOST = 0.1
+MOST_IMPOSSIBLE = 0.1
 """Share of the rows that may lack a reading before the column is refused; assumed."""
 _OVERFLOW = (-999.0, -9999.0, -99999.0, 9999.0, 99999.0, 65535.0, 32767.0, -32768.0, 2147483647.0, 4294967295.0)
 FASTEST = 20.0
@@ -46,7 +46,7 @@ TOLERANCE = (1e-10, 10.0)
 """Smallest and largest tolerance, m, rad or m/m. Assumed."""
 STATION = 1e4
 """Farthest coordinate of an instrument, m, that can measure a robot; assumed."""
-FARTHEST = 1e12
+FARTHEST_POSITION = 1e12
 """Median absolute value of a coordinate, m, above which no wrong unit explains it: 1e12 nm are 1 km. Assumed."""
 TEMPERATURE = (-60.0, 150.0)
 """Lowest and highest reference temperature of a machine, degC. Assumed."""
@@ -183,8 +183,8 @@ def _far_outside(rows: Dataset | Commands, drives: Actuated, far: Mask) -> Datas
 def named_poses(rows: Dataset | Commands, mask: Mask) -> str:
     """Text for a message with the names of the first poses of some rows (N,)."""
     poses = list(dict.fromkeys(rows.pose[mask]))
-    more = f" and {len(poses) - SHOWN} more" if len(poses) > SHOWN else ""
-    return f"pose{'s' if len(poses) > 1 else ''} {', '.join(poses[:SHOWN])}{more}"
+    more = f" and {len(poses) - NAMED_POSES} more" if len(poses) > NAMED_POSES else ""
+    return f"pose{'s' if len(poses) > 1 else ''} {', '.join(poses[:NAMED_POSES])}{more}"
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ def sane_rows(dataset: Dataset) -> Mask:
         values = np.asarray(column, dtype=float)
         _check_units(dataset, name, values)
         lacking = _lacking(values, kind)
-        if lacking.mean() > MOST:
+        if lacking.mean() > MOST_IMPOSSIBLE:
             first = int(np.argmax(lacking))
             hint = f"{lacking.sum()} of {len(values)} rows are like that: give them as {kind.what}, or leave the column out"
             file, line = dataset.place(first)
@@ -254,7 +254,7 @@ def _lacking(values: Floats, kind: Kind) -> Mask:
     lacking = (values < kind.lowest) | (values > kind.highest)
     marked = np.isin(values, kind.marks) & ~lacking
     others = values[~lacking & ~marked]
-    if not marked.any() or not len(others) or marked.mean() > MOST:
+    if not marked.any() or not len(others) or marked.mean() > MOST_IMPOSSIBLE:
         return lacking
     low, high = float(others.min()), float(others.max())
     apart = np.maximum(low - values, values - high)
@@ -299,7 +299,7 @@ def check_extremes(dataset: Dataset) -> None:
         text = f"reference_temperature is taken as {reference:g} degC; where it is in degrees Fahrenheit, convert it"
         warn_of(file, text)
     for name, size in zip(POSITION, np.median(np.abs(dataset.position), axis=0), strict=True):
-        if size > FARTHEST:
+        if size > FARTHEST_POSITION:
             what, hint = f"half of the positions are {size:.2g} m away or farther", "give metres"
             raise DatasetError(what, file=dataset.file, column=name, hint=hint)
     if len(dataset) > 1 and not np.ptp(dataset.q, axis=0).any():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ from gtpin.errors import renamed
 from gtpin.estimate import Estimate
 from gtpin.model.fit_conditions import ModelDiscrepancy as LeftBefore
 from gtpin.model.model import Model
-from gtpin.output.shown import Shown, present
+from gtpin.output.shown import FitResult, SavedResult, present
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
@@ -621,16 +620,9 @@ class Findings:
         content: dict[str, Any] = present(self).json()
         return content
 
-    def save(self, folder: Path | str, *, force: bool = False) -> None:
-        """Write what ``gtpin diagnose`` writes: ``diagnosis.json``, ``report.html``, ``baseline/``, ``model/`` and next poses.
-
-        With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
-        """
-        present(self).save(Path(folder), force=force)
-
 
 @dataclass(frozen=True, repr=False, kw_only=True)
-class Diagnosis(Findings, Shown):
+class Diagnosis(Findings, FitResult):
     """Verdict, causes, where the gap lies and how much of it the causes explain; see ``docs/diagnosis.md``.
 
     Parameters
@@ -697,30 +689,6 @@ class Diagnosis(Findings, Shown):
     noise_ratio: float = 1.0
     why: Why | None = None
 
-    def plot_residuals(self, against: str, component: str | None = None, *, after: bool = False) -> Figure:
-        """Plot a component of the residuals against a command or covariate, with the prediction by the causes.
-
-        Parameters
-        ----------
-        against
-            The column: ``q1``, ``time``, ...
-        component
-            An axis of the pose (``x``, ``y``, ``z``, ``rx``, ``ry``, ``rz``), or the site of an actuator for the error of its
-            travel. By default the first cause's site that is an actuator, else the axis with the largest share of the gap. For
-            a dataset of schema 2 a component of its readings takes the place of the axis: its name (``range``) where there is
-            one instrument; where there are several, the instrument's name (``wire``), followed by the component if it reads
-            more than one (``cup.x``). The default is then the component of which the causes explain most.
-        after
-            True: the residuals of the geometry with the causes; False: those of the geometry alone.
-
-        Raises
-        ------
-        DatasetError
-            If there is no such column or component.
-        """
-        figure: Figure = present(self).against(against, component, after=after)
-        return figure
-
     def plot_effect(self, cause: int = 0, quantity: str | None = None) -> Figure:
         """The curve of a cause with its 95 % interval, and the measurements less everything else that the model explains.
 
@@ -740,41 +708,9 @@ class Diagnosis(Findings, Shown):
         figure: Figure = present(self).effect(cause, quantity)
         return figure
 
-    def plot_workspace(self, view: str = "xy", *, after: bool = False) -> Figure:
-        """Plot the position residuals in a plane of the base frame: ``xy``, ``xz`` or ``yz``.
-
-        ``after``: true for the residuals of the geometry with the causes, False for those of the geometry alone. For a dataset
-        of schema 2: the size of each reading's residual over its sigma.
-        """
-        figure: Figure = present(self).workspace(view, after=after)
-        return figure
-
-    def plot_ball_bar(self, circle: int = 0) -> Figure:
-        """Polar plots of a circular test: deviations of the radius as measured, and those that geometry and causes leave.
-
-        The dataset needs a ``range`` instrument with readings along half a turn or more about a station, as a ball bar gives.
-
-        Parameters
-        ----------
-        circle
-            Index of the circle, counted from 0, where the dataset has several.
-
-        Raises
-        ------
-        DatasetError
-            If there is no such circle.
-        """
-        figure: Figure = present(self).ball_bar(circle)
-        return figure
-
-    def plot_parameters(self) -> Figure:
-        """The table of the causes' parameters, as a figure."""
-        figure: Figure = present(self).parameters()
-        return figure
-
 
 @dataclass(frozen=True, repr=False, kw_only=True)
-class HealthCheck(Findings, Shown):
+class HealthCheck(Findings, SavedResult):
     """What has changed since an earlier model was identified; see ``docs/health.md``.
 
     Parameters

@@ -19,10 +19,10 @@ from gtpin.typing import Floats
 
 ORDERS = {1: 8, 2: 5}
 """Largest sum of the orders of the cosines in a product, for one and for two other actuators."""
-MANY = 2
+ORDERS_OF_MANY = 2
 """Largest sum of orders for three or more other actuators; a larger sum would give too many products."""
-FINE = 3
-"""Number of other joints of a robot without rods from which on the next numbers hold, in place of ``MANY``."""
+SEVERAL_JOINTS = 3
+"""Number of other joints of a robot without rods from which on the next numbers hold, in place of ``ORDERS_OF_MANY``."""
 SINGLE, PAIR, OWN, NEAREST = 5, 4, 1, 6
 """Largest order of a cosine of one other joint, largest sum of orders of a product of two, largest sum of those that vary
 along the own joint, and number of the other joints, the nearest in the robot's order, that form products and vary along the
@@ -124,8 +124,8 @@ class _CosineProducts:
 @cache
 def _products(others: int, rods: bool, own: int = 0) -> _CosineProducts:
     """Products for an actuator with the index ``own``. Their number does not depend on it."""
-    fine = not rods and others >= FINE
-    single = SINGLE if fine else ORDERS.get(others, MANY)
+    fine = not rods and others >= SEVERAL_JOINTS
+    single = SINGLE if fine else ORDERS.get(others, ORDERS_OF_MANY)
     together = 2 if fine else single
     nearest = {*sorted(range(others), key=lambda k: _distance(k, own))[: NEAREST if fine else others]}
     rows, along = [], []

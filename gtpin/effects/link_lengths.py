@@ -212,7 +212,7 @@ class ThermalLinks(Effect):
         return {"expansion": (float(coefficients[0] + own.mean()), "1/K"), "spread": (float(own.std()), "1/K")}
 
 
-FEWEST = 2
+FEWEST_OF_SIGN = 2
 """Smallest number of poses with the rarer sign of the force: a single pose can't be distinguished from a gross error."""
 
 
@@ -254,7 +254,7 @@ class JointClearance(Effect):
         if not loaded(at, site):
             return no_load(at)
         pulled = int((loads_of(at, site)[0] > 0.0).sum())
-        return None if min(pulled, len(at) - pulled) >= FEWEST else Untestable("one_sign")
+        return None if min(pulled, len(at) - pulled) >= FEWEST_OF_SIGN else Untestable("one_sign")
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         rods, (load, mean, spread) = rods_of(at, site), (values[..., 0] for values in loads_of(at, site))

@@ -162,7 +162,7 @@ def _span(at: OperatingPoints, site: str) -> float:
     return max(float(np.ptp(at.q[:, at.robot.sites.index(site)])), 1e-9)
 
 
-FEWEST = 3
+FEWEST_BEYOND = 3
 """Smallest number of commands beyond a step: with fewer it can't be distinguished from a gross error."""
 FLANKS = (0.01, 0.03)
 """Widths of the ramps that describe a flank, m. Assumed: two teeth of a pinion are in mesh, so that the cart passes from one
@@ -204,7 +204,7 @@ class RackStep(Effect):
         """Places to try: the middle between neighbouring commands, except near the ends of the track."""
         q = np.unique(at.q[:, at.robot.sites.index(site)])
         between = (q[1:] + q[:-1]) / 2.0
-        edge = max(FEWEST - 1, len(between) // 100)
+        edge = max(FEWEST_BEYOND - 1, len(between) // 100)
         inner = between[edge:-edge]
         return [float(place) for place in inner[:: max(1, len(inner) // 100)]]
 

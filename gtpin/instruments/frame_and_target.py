@@ -31,7 +31,7 @@ TRIED, TRIED_ROUGHLY = 5, 2
 """Number of starts that are fitted, and of a rough result: those with the largest likelihood. Assumed."""
 ROUGH = 12
 """Number of steps that choose among these starts."""
-SETTLED = 1e-7
+FRAME_CHANGE = 1e-7
 """Change of the log likelihood of a pose at which the fit has settled."""
 LEAST = 1e-9
 """Smallest scale of residuals, m and rad."""
@@ -170,7 +170,7 @@ class _Fit:
             step = np.asarray(np.linalg.solve(normal + 1e-9 * np.diag(np.diag(normal)), gradient), dtype=np.float64)
             s = self.stepped(s, step)
             cost = self.cost(s)
-            still = abs(cost - least) < SETTLED * len(self.T)
+            still = abs(cost - least) < FRAME_CHANGE * len(self.T)
             if cost < least:
                 best, least = s, cost
             if still:
@@ -238,10 +238,11 @@ def _scale(r: Floats) -> float:
     return max(float(np.median(np.linalg.norm(r, axis=1))) / MEDIAN, LEAST)
 
 
-def nearest(matrix: Floats) -> Floats:
-    """The rotation that is nearest to a matrix (3, 3)."""
-    U, _, Vt = np.linalg.svd(matrix)
-    return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt)
+def nearest(matrices: Floats) -> Floats:
+    """(..., 3, 3) the rotations that are nearest to matrices."""
+    U, _, Vt = np.linalg.svd(matrices)
+    U[..., 2] *= np.linalg.det(U @ Vt)[..., None]
+    return np.asarray(U @ Vt)
 
 
 def _kabsch(at: Floats, T: Floats) -> Floats:

@@ -50,7 +50,7 @@ UNKNOWN = 0.05
 """Tolerance of ``platform.x``, m, from which it is the place of a free target. Older versions did not write ``target``."""
 NOT_TURNED = 1e-9
 """Largest accepted error of a rotation matrix's orthogonality, and of a correlation above 1."""
-FARTHEST = 10.0
+LARGEST_DEVIATION = 10.0
 """Largest deviation of a length, in sizes of the robot, and of a scale, from nominal: no machine is so far from its drawing."""
 MOST_UNCERTAIN = 1e3
 """Standard deviation, m or rad, above which a file is refused: tolerances of geometric parameters are millimetres. Assumed."""
@@ -289,7 +289,7 @@ def _geometry(robot: Chain, content: ModelFile) -> Geometry:
 
 def _check_values(geometry: Geometry) -> None:
     """Raise `ModelError`, with the parameter, for a value that no machine has, or where the loops don't close at home."""
-    largest = {"m": FARTHEST * geometry.robot.size, "rad": np.pi, "m/m": FARTHEST}
+    largest = {"m": LARGEST_DEVIATION * geometry.robot.size, "rad": np.pi, "m/m": LARGEST_DEVIATION}
     moved = geometry.deviation
     for parameter, deviation in geometry.all_deviations:
         if abs(deviation) > largest[parameter.unit]:

@@ -18,7 +18,7 @@ CLOSE = 1e-6
 the noise of instruments."""
 ALMOST = 1e-3
 """Weight of rotations, 1/rad, beside that of positions, 1/m, if they shall decide only what positions leave open."""
-MOST = 0.5
+SHARE_OF_WHOLE = 0.5
 """Share of a parameter's variance from which it is known relative to others alone."""
 
 
@@ -64,7 +64,7 @@ def relative_to_others(model: Model, covariance: Floats) -> Mask:
     J, F = _derivatives(model)
     Q = np.linalg.qr(J.T @ np.linalg.solve(J @ J.T + CLOSE**2 * np.eye(len(J)), F @ free))[0]
     own = covariance / np.outer(size, size)
-    return np.asarray(((Q @ (Q.T @ own @ Q)) * Q).sum(axis=1) > MOST * own.diagonal())
+    return np.asarray(((Q @ (Q.T @ own @ Q)) * Q).sum(axis=1) > SHARE_OF_WHOLE * own.diagonal())
 
 
 def _derivatives(model: Model) -> tuple[Floats, Floats]:

@@ -13,6 +13,7 @@ from gtpin.output.results import results_folder
 
 if TYPE_CHECKING:
     import pandas as pd
+    from plotly.graph_objects import Figure
     from rich.console import RenderableType
 
 ROWS = 12
@@ -107,3 +108,78 @@ class Shown:
         """The result as a table; ``docs/python.md`` explains its columns."""
         table: pd.DataFrame = present(self).table()
         return table
+
+
+class SavedResult(Shown):
+    """A result with a command that writes it into a folder: ``gtpin calibrate``, ``gtpin diagnose``, ``gtpin compare``, ..."""
+
+    def save(self, folder: Path | str, *, force: bool = False) -> None:
+        """Write the files that the command writes: a JSON file, models or tables, and a page.
+
+        With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
+        """
+        present(self).save(Path(folder), force=force)
+
+
+class FitResult(SavedResult):
+    """A calibration or a diagnosis: a result with residuals.
+
+    Where a method has ``after``: True for the residuals of the geometry with the causes, False for those of the geometry alone.
+    A calibration has no causes: both are the same.
+    """
+
+    def plot_residuals(self, against: str, component: str | None = None, *, after: bool = False) -> Figure:
+        """Plot a component of the residuals against a command or covariate, with the prediction by the causes.
+
+        Parameters
+        ----------
+        against
+            The column: ``q1``, ``time``, ...
+        component
+            An axis of the pose (``x``, ``y``, ``z``, ``rx``, ``ry``, ``rz``), or the site of an actuator for the error of its
+            travel. By default the first cause's site that is an actuator, else the axis with the largest share of the gap; of
+            a calibration the first actuator. For a dataset of schema 2 a component of its readings takes the place of the
+            axis: its name (``range``) where there is one instrument; where there are several, the instrument's name
+            (``wire``), followed by the component if it reads more than one (``cup.x``). The default is then the component of
+            which the causes explain most, of a calibration the first.
+        after
+            Which residuals.
+
+        Raises
+        ------
+        DatasetError
+            If there is no such column or component.
+        """
+        figure: Figure = present(self).against(against, component, after=after)
+        return figure
+
+    def plot_workspace(self, view: str = "xy", *, after: bool = False) -> Figure:
+        """Plot the position residuals in a plane of the base frame: ``xy``, ``xz`` or ``yz``.
+
+        For a dataset of schema 2: the size of each reading's residual over its sigma.
+        """
+        figure: Figure = present(self).workspace(view, after=after)
+        return figure
+
+    def plot_ball_bar(self, circle: int = 0) -> Figure:
+        """Polar plots of a circular test: deviations of the radius as measured, and those that geometry and causes leave.
+
+        The dataset needs a ``range`` instrument with readings along half a turn or more about a station, as a ball bar gives.
+
+        Parameters
+        ----------
+        circle
+            Index of the circle, counted from 0, where the dataset has several.
+
+        Raises
+        ------
+        DatasetError
+            If there is no such circle.
+        """
+        figure: Figure = present(self).ball_bar(circle)
+        return figure
+
+    def plot_parameters(self) -> Figure:
+        """The table of the parameters, of the geometry or of the causes, as a figure."""
+        figure: Figure = present(self).parameters()
+        return figure

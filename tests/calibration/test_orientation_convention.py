@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.calibration.checks.readings import BY_AXIS, Angles
+from gtpin.calibration.checks.readings import BY_AXIS, reread
 from gtpin.errors import DatasetError
 
 
@@ -88,7 +88,7 @@ def test_effects_are_no_convention(robot, declared):
 def test_every_reading_by_axes_is_undone_by_its_reverse():
     rotation = Rotation.from_rotvec(np.random.default_rng(5).normal(0, 0.3, (40, 3)))
     for meant, taken in permutations(BY_AXIS, 2):
-        there = Rotation.from_matrix(Angles.of(rotation, taken).read(meant, by_axis=True))
-        again = Rotation.from_matrix(Angles.of(there, meant).read(taken, by_axis=True))
+        there = reread(rotation, taken, meant, by_axis=True)
+        again = reread(there, meant, taken, by_axis=True)
         assert (again * rotation.inv()).magnitude() == pytest.approx(0.0, abs=1e-6)
         assert (there * rotation.inv()).magnitude().max() > 1e-3

@@ -86,7 +86,7 @@ def test_a_diagnosis_of_some_poses_names_what_that_of_all_names() -> None:
 def test_memory_and_time_are_told_before_the_first_step_of_very_many_poses(monkeypatch: pytest.MonkeyPatch) -> None:
     few = make_case(11, robot="ur5", effects=[], poses=60).dataset
     steps: list[str] = []
-    monkeypatch.setattr("gtpin.calibration.calibrate.MANY", len(few))
+    monkeypatch.setattr("gtpin.calibration.calibrate.ANNOUNCED_POSES", len(few))
     gtpin.calibrate(few, progress=lambda step, number, rms: steps.append(step))
     assert steps[0].startswith(f"{EXPECTED} 80 MB of memory and ")
     assert f"min for {len(few)} poses" in steps[0]

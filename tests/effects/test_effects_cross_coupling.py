@@ -5,7 +5,7 @@ import pytest
 from effect_places import nominal_at
 
 import gtpin
-from gtpin.effects.cross_coupling import FINE, NEAREST, PAIR, SINGLE, CrossCoupling, _products, _with_count
+from gtpin.effects.cross_coupling import NEAREST, PAIR, SEVERAL_JOINTS, SINGLE, CrossCoupling, _products, _with_count
 
 ROBOT = gtpin.load_robot("ur5")
 
@@ -30,7 +30,7 @@ def test_no_product_is_there_twice_and_single_cosines_come_first_joint_by_joint(
             )
 
 
-@pytest.mark.parametrize("others", range(FINE, 12))
+@pytest.mark.parametrize("others", range(SEVERAL_JOINTS, 12))
 def test_joints_of_an_arm_couple_one_by_one_and_two_by_two(others: int) -> None:
     rows = _products(others, False).rows
     alone = [row for row in rows if sum(o > 0 for o in row) == 1]

@@ -21,6 +21,7 @@ from gtpin.calibration.checks import limits
 from gtpin.calibration.checks.readings import UNITS
 from gtpin.calibration.problem import Measured
 from gtpin.data.names import command_names
+from gtpin.instruments.frame_and_target import nearest
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.rotations import log
 from gtpin.typing import Floats, Mask
@@ -264,10 +265,3 @@ def _misfits(residuals: Floats) -> Floats:
     off = np.linalg.norm(residuals, axis=2)
     none = np.isnan(off).all(axis=1)
     return np.where(none, np.inf, np.nanmedian(np.where(none[:, None], 0.0, off), axis=1))
-
-
-def nearest(matrices: Floats) -> Floats:
-    """(K, 3, 3) the rotations that are nearest to matrices."""
-    U, _, Vt = np.linalg.svd(matrices)
-    U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
-    return np.asarray(U @ Vt)

@@ -231,8 +231,6 @@ CONFLICT = 7.0
 it occurs by chance in at most 1 of 1,000 machines, because the mean of a Bayes factor is 1 where the assumption is right."""
 WIDENED = 3.0
 """Deviation of a parameter, in units of its tolerance, above which the deviation becomes its tolerance. Assumed."""
-NO_PRIOR = 1e6
-"""Prior variance, mm^2 and mrad^2, of a frame that is already free in the fit: so large that the prior has no influence."""
 
 # Constant orientations
 

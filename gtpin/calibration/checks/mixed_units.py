@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from gtpin.calibration.checks import limits
-from gtpin.calibration.checks.commands import nearest
 from gtpin.calibration.checks.readings import UNITS
 from gtpin.calibration.checks.suspected import suspect
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError
+from gtpin.instruments.frame_and_target import nearest
 from gtpin.kinematics.poses import Poses
 from gtpin.typing import Floats, Mask
 

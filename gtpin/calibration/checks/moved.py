@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,22 +106,26 @@ def own_session(dataset: Dataset, rows: Indices | slice) -> bool:
 
 @dataclass(frozen=True)
 class FrameScan:
-    """Searches for steps of the instrument's frame along N rows. A step is the index of the first row after it.
+    """Fits motions of the instrument's frame along N rows, linearly and together with the geometry; both have priors.
+
+    J and F are the whitened derivatives by the problem's p unknowns and by the frame's six motions (mm and mrad), S the
+    standard deviations of the unknowns' priors. With L L' = I + S J'J S and K = L^-1 S J', the normal equations of the
+    motions, after the geometry was fitted to residuals y, are F'F - (K F)'K F and F'y - (K F)'K y.
 
     - ``rows``: (N,) indices of the rows in the problem, in the order of the search.
-    - ``J``, ``F``: whitened derivatives by the problem's p unknowns (N, c, p), and by the frame's motion (N, c, 6), mm and
-      mrad.
-    - ``y``: (N, c) whitened residuals of the nominal geometry.
-    - ``scale``: (p,) prior standard deviation of each unknown.
-    - ``lengths``: (N, 3, 6) displacement of the measured positions, m, by the frame's motion, mm and mrad.
+    - ``F``: (N, c, 6), and ``lengths``: (N, 3, 6) displacement of the measured positions, m, by the motions.
+    - ``absorbed``, ``squares``, ``moments``: (N, p, 6) K F, (N, 6, 6) F'F and (N, 6) F'y of each row.
+    - ``absorbed_y``, ``alone``: (p,) K y, and half the sum of squares of the residuals without motions.
     """
 
     rows: Indices
-    J: Floats
     F: Floats
-    y: Floats
-    scale: Floats
     lengths: Floats
+    absorbed: Floats
+    squares: Floats
+    moments: Floats
+    absorbed_y: Floats
+    alone: float
 
     @staticmethod
     def of(problem: Problem, point: Point, noise: ReadingNoise) -> FrameScan:
@@ -132,15 +135,59 @@ class FrameScan:
         problem = replace(problem, whitening=whitening)
         J = np.concatenate([problem.jacobian(point, part) for part in problem.chunks()])
         motion = FRAME_UNIT * frame_motions(point.model.in_instrument_frame(point.poses).T - problem.pivot)
-        y, scale = problem.residual(point) + J @ point.x, np.where(problem.prior > 0.0, 1.0, limits.STEP_SIZE)
-        return FrameScan(np.arange(count), J, whitening @ motion[:, :c], y, scale, motion[:, :3])
+        F, y, flat = whitening @ motion[:, :c], problem.residual(point) + J @ point.x, J.reshape(-1, J.shape[2])
+        s = np.where(problem.prior > 0.0, 1.0, limits.STEP_SIZE)
+        lower = np.linalg.cholesky(np.eye(len(s)) + s[:, None] * (flat.T @ flat) * s)
+        by_row = np.einsum("ncp,nci->npi", J * s, F, optimize=True)
+        absorbed = solve_triangular(lower, by_row.swapaxes(0, 1).reshape(len(s), -1), lower=True)
+        absorbed_y = solve_triangular(lower, s * (y.ravel() @ flat), lower=True)
+        return FrameScan(
+            rows=np.arange(count),
+            F=F,
+            lengths=motion[:, :3],
+            absorbed=absorbed.reshape(len(s), count, 6).swapaxes(0, 1),
+            squares=np.einsum("nci,ncj->nij", F, F, optimize=True),
+            moments=np.einsum("nci,nc->ni", F, y, optimize=True),
+            absorbed_y=absorbed_y,
+            alone=0.5 * float((y**2).sum() - (absorbed_y**2).sum()),
+        )
 
     def ordered(self, rows: Indices) -> FrameScan:
         """The same for the rows with these indices, in this order."""
-        return FrameScan(rows, self.J[rows], self.F[rows], self.y[rows], self.scale, self.lengths[rows])
+        by_row = {name: getattr(self, name)[rows] for name in ("F", "lengths", "absorbed", "squares", "moments")}
+        return replace(self, rows=rows, **by_row)
 
-    def best(self, steps: Sequence[int]) -> int:
-        """The next step: together with ``steps`` it leaves the smallest residuals."""
+    def fitted(self, columns: Floats) -> tuple[Floats, Floats]:
+        """S frames whose motions are linear in k columns each, (S, N, k).
+
+        Returns (S,) half the sum of squares that geometry and motions leave, with their priors; and (S, k, 6) the motions for a
+        unit of each column, mm and mrad.
+        """
+        sets, _, k = columns.shape
+        X = np.einsum("snk,npi->spki", columns, self.absorbed, optimize=True).reshape(sets, -1, 6 * k)
+        FF = np.einsum("snk,snl,nij->skilj", columns, columns, self.squares, optimize=True)
+        Fy = np.einsum("snk,ni->ski", columns, self.moments, optimize=True).reshape(sets, 6 * k)
+        b = limits.STEP_SIZE * (Fy - self.absorbed_y @ X)
+        inner = FF.reshape(sets, 6 * k, 6 * k) - X.swapaxes(1, 2) @ X
+        x = np.linalg.solve(np.eye(6 * k) + limits.STEP_SIZE**2 * inner, b[..., None])[..., 0]
+        return self.alone - 0.5 * (b * x).sum(axis=1), limits.STEP_SIZE * x.reshape(sets, k, 6)
+
+    def moved(self, columns: Floats) -> tuple[float, Floats, Floats]:
+        """For columns (N, k): what :meth:`fitted` leaves; and (k,) the motion for a unit of each column at the median pose, in
+        units of the noise and in m."""
+        left, motions = self.fitted(columns[None])
+        noises, metres = (
+            np.median(np.linalg.norm(np.einsum("nij,kj->kni", by, motions[0]), axis=2), axis=1)
+            for by in (self.F, self.lengths)
+        )
+        return float(left[0]), noises, metres
+
+    def after(self, steps: Sequence[int] | Indices) -> Floats:
+        """(N, k) columns of steps of the frame: 1 from the first row after each step on."""
+        return (np.arange(len(self.rows))[:, None] >= np.asarray(steps)).astype(float)
+
+    def next_step(self, steps: Sequence[int]) -> int:
+        """The step that together with ``steps`` leaves the smallest residuals."""
         count = len(self.rows)
         allowed = [
             k
@@ -150,66 +197,10 @@ class FrameScan:
         coarse = np.unique(np.linspace(0, len(allowed) - 1, limits.STEP_GRID).astype(int))
 
         def least(places: list[int]) -> int:
-            return places[int(np.argmin(self._lefts(np.array([[*steps, k] for k in places]))))]
+            return places[int(np.argmin(self.fitted(np.stack([self.after([*steps, k]) for k in places]))[0]))]
 
         place = least([allowed[i] for i in coarse])
         return least([k for k in allowed if abs(k - place) <= 1 + count // limits.STEP_GRID])
-
-    def ratio(self, steps: Sequence[int]) -> float:
-        """Sum of squares of the residuals without steps over that with ``steps``."""
-        return self.left(()) / max(self.left(steps), 1e-300)
-
-    def moved_with(self, columns: Floats) -> tuple[float, Floats, Floats]:
-        """For a frame whose motion is linear in some columns (M, k): what :meth:`left` gives for steps; and (k,) its motion for
-        a unit of each column at the median pose, in units of the noise and in m."""
-        F = (self.F[:, :, None, :] * columns[:, None, :, None]).reshape(*self.F.shape[:2], -1)
-        J = np.concatenate([self.J, F], axis=2).reshape(-1, self.J.shape[2] + F.shape[2])
-        s = np.concatenate([self.scale, np.full(F.shape[2], limits.STEP_SIZE)])
-        b = s * (J.T @ self.y.ravel())
-        x = np.linalg.solve(np.eye(len(s)) + s[:, None] * (J.T @ J) * s, b)
-        delta = (s * x)[len(self.scale) :].reshape(-1, 6)
-        noises, metres = (
-            np.median(np.linalg.norm(np.einsum("nij,kj->kni", by, delta), axis=2), axis=1)
-            for by in (self.F, self.lengths)
-        )
-        return 0.5 * (float((self.y**2).sum()) - float(b @ x)), noises, metres
-
-    @cached_property
-    def _sums(self) -> tuple[Floats, Floats, Floats]:
-        """(N + 1, 6, p), (N + 1, 6, 6), (N + 1, 6): sums of F' J, F' F and F' y over all rows from each row on."""
-        each = (
-            np.einsum("nci,ncp->nip", self.F, self.J, optimize=True),
-            np.einsum("nci,ncj->nij", self.F, self.F, optimize=True),
-            np.einsum("nci,nc->ni", self.F, self.y, optimize=True),
-        )
-        return tuple(np.concatenate([np.cumsum(part[::-1], axis=0)[::-1], np.zeros_like(part[:1])]) for part in each)  # type: ignore[return-value]
-
-    @cached_property
-    def _absorbed(self) -> tuple[Floats, Floats]:
-        """(N + 1, p, 6) and (p,) what the geometry absorbs of a step before each row, and of the residuals."""
-        # L^-1 S J' F and L^-1 S J' y with L L' = I + S J' J S, S the scales: their sums of squares are the power absorbed.
-        s, flat = self.scale, self.J.reshape(-1, self.J.shape[2])
-        factor = np.linalg.cholesky(np.eye(len(s)) + s[:, None] * (flat.T @ flat) * s)
-        by_step = np.concatenate([*self._sums[0], (self.y.ravel() @ flat)[None]]) * s
-        absorbed = solve_triangular(factor, by_step.T, lower=True)
-        return absorbed[:, :-1].reshape(len(s), -1, 6).swapaxes(0, 1), absorbed[:, -1]
-
-    def left(self, steps: Sequence[int]) -> float:
-        """Half the sum of squares of the residuals after geometry and steps were fitted, each with its prior."""
-        return float(self._lefts(np.array([steps], dtype=np.intp))[0])
-
-    def _lefts(self, steps: Indices) -> Floats:
-        """(S,) as :meth:`left`, for S sets of k steps (S, k)."""
-        sets, size = len(steps), 6 * steps.shape[1]
-        absorbed, absorbed_y = self._absorbed
-        X = absorbed[steps].swapaxes(1, 2).reshape(sets, len(absorbed_y), size)
-        later = np.maximum(steps[:, :, None], steps[:, None])
-        FF = self._sums[1][later].swapaxes(2, 3).reshape(sets, size, size)
-        # The scaled normal equations of the steps, after the geometry was fitted.
-        b = limits.STEP_SIZE * (self._sums[2][steps].reshape(sets, size) - absorbed_y @ X)
-        inner = np.eye(size) + limits.STEP_SIZE**2 * (FF - X.swapaxes(1, 2) @ X)
-        power = float((self.y**2).sum() - (absorbed_y**2).sum())
-        return np.asarray(0.5 * (power - (b * np.linalg.solve(inner, b[..., None])[..., 0]).sum(axis=1)))
 
 
 def initial_noise(measured: Readings) -> ReadingNoise:
@@ -234,18 +225,18 @@ def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noi
     if "time" in dataset.covariates:
         orders[", in the order of the column time,"] = np.argsort(dataset.covariates["time"], kind="stable")
     whole = FrameScan.of(problem, point, noise)
+    numbers = whole.F[..., 0].size
     for words, order in orders.items():
         scan = whole.ordered(order)
-        steps: list[int] = []
-        while len(steps) < 2 and scan.ratio(steps) < limits.STEP_RATIO:
-            steps = sorted([*steps, scan.best(steps)])
+        steps, left, size, moved = list[int](), scan.alone, 0.0, 0.0
+        while len(steps) < 2 and scan.alone < limits.STEP_RATIO * left:
+            steps = sorted([*steps, scan.next_step(steps)])
+            left, (size, *_), (moved, *_) = scan.moved(scan.after(steps))
         rows = scan.rows[steps[0] : steps[1] if len(steps) > 1 else None]
-        left = scan.left(steps)
-        _, (size, *_), (moved, *_) = scan.moved_with((np.arange(len(dataset))[:, None] >= steps).astype(float))
-        small = scan.ratio(steps) < limits.STEP_RATIO or size < limits.STEP_LARGE * np.sqrt(2.0 * left / scan.y.size)
+        small = scan.alone < limits.STEP_RATIO * left or size < limits.STEP_LARGE * np.sqrt(2.0 * left / numbers)
         if small or own_session(dataset, rows):
             continue
-        if scan.moved_with(_alternatives(dataset, scan.rows))[0] < limits.STEP_AHEAD * left:
+        if scan.moved(_alternatives(dataset, scan.rows))[0] < limits.STEP_AHEAD * left:
             continue
         lines = dataset.row[rows]
         error = DatasetError(
@@ -255,10 +246,8 @@ def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noi
             row=int(lines[0]),
             hint="give these rows a session of their own in the column session, or leave them out",
         )
-        sigmas = float(noise.sigma[0]), float(noise.sigma[1]) if scan.y.shape[1] == 6 else 0.0
-        before, after = (
-            [size * np.sqrt(2.0 * power / scan.y.size) for size in sigmas] for power in (scan.left([]), left)
-        )
+        sigmas = float(noise.sigma[0]), float(noise.sigma[1]) if whole.F.shape[1] == 6 else 0.0
+        before, after = ([size * np.sqrt(2.0 * power / numbers) for size in sigmas] for power in (scan.alone, left))
         return suspect(error, dataset, (before[0], before[1]), (after[0], after[1]))
 
 
@@ -311,8 +300,8 @@ def _moved_linear(dataset: Dataset, problem: Problem, near: Poses) -> dict[str, 
     thin = problem.take(rows, problem.whitening[rows])
     scan = FrameScan.of(thin, thin.point(np.zeros(thin.size), near[rows]), initial_noise(thin.measured))
     columns = (sessions[rows, None] == np.array(names[1:])).astype(float)
-    left, _, moved = scan.moved_with(columns)
-    return {} if scan.left(()) < limits.SESSION_RATIO * left else dict(zip(names, [0.0, *moved.tolist()], strict=True))
+    left, _, moved = scan.moved(columns)
+    return {} if scan.alone < limits.SESSION_RATIO * left else dict(zip(names, [0.0, *moved.tolist()], strict=True))
 
 
 def _suspect(dataset: Dataset, moved: dict[str, float], least: float) -> None:

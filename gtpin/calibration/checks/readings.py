@@ -12,7 +12,7 @@ from typing import Final, Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.kinematics.rotations import exp, from_quaternions
+from gtpin.kinematics.rotations import from_quaternions
 from gtpin.typing import Floats
 
 UNITS = (
@@ -157,45 +157,25 @@ def misread(rotation: Rotation) -> Iterator[Rotations]:
     for one, two in permutations(BY_ORDER, 2):
         if one.lower() != two.lower() or len(set(one)) < 3:  # else each number keeps its axis
             pairs.append((one, two, False))
-    given = {convention: Angles.of(rotation, convention) for convention in {*BY_AXIS, *BY_ORDER}}
     for meant, taken, by_axis in pairs:
         numbers, read = _described(meant, by_axis), _described(taken, by_axis)
         looks = f"the orientations look like {numbers} that were read as {read}"
-        R = given[taken].read(meant, by_axis=by_axis)
+        R = reread(rotation, taken, meant, by_axis=by_axis).as_matrix()
         yield Rotations(looks, f"compute qw qx qy qz again, from {numbers}", 1, R)
 
 
-@dataclass(frozen=True)
-class Angles:
-    """Three numbers that describe each of N rotations.
+def reread(rotation: Rotation, taken: Convention, meant: Convention, *, by_axis: bool) -> Rotation:
+    """The rotations that the numbers of N rotations by the convention ``taken`` describe by the convention ``meant``.
 
-    - ``numbers``: (N, 3), rad. ``convention``: the one by which they describe the rotations.
-    - ``about``: (3, 3, N, 3, 3) rotations about x, y and z by each of the numbers.
+    ``by_axis``: True: each number is the angle about its own axis. False: the numbers are used in their order.
     """
-
-    numbers: Floats
-    convention: Convention
-    about: Floats
-
-    @staticmethod
-    def of(rotation: Rotation, convention: Convention) -> Angles:
-        """The numbers of N rotations by a convention."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of gimbal lock: any of the answers will do
-            numbers = rotation.as_rotvec() if convention == ROTATION_VECTOR else rotation.as_euler(convention)
-        return Angles(numbers, convention, exp(numbers.T[None, :, :, None] * ONE[:, None, None, :]))
-
-    def read(self, meant: Convention, *, by_axis: bool) -> Floats:
-        """(N, 3, 3) rotations that the numbers describe by another convention.
-
-        ``by_axis``: True: each number is the angle about its own axis. False: the numbers are used in their order.
-        """
-        own, wanted = ("xyz" if c == ROTATION_VECTOR else c for c in (self.convention, meant))
-        order = [own.index(axis) for axis in wanted] if by_axis else [0, 1, 2]
-        if meant == ROTATION_VECTOR:
-            return exp(self.numbers[:, order])
-        one, two, three = (self.about["xyz".index(axis), k] for axis, k in zip(meant.lower(), order, strict=True))
-        return np.asarray(three @ two @ one if meant.islower() else one @ two @ three)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of gimbal lock: any of the answers will do
+        numbers = rotation.as_rotvec() if taken == ROTATION_VECTOR else rotation.as_euler(taken)
+    if by_axis:
+        own, wanted = ("xyz" if c == ROTATION_VECTOR else c for c in (taken, meant))
+        numbers = numbers[:, [own.index(axis) for axis in wanted]]
+    return Rotation.from_rotvec(numbers) if meant == ROTATION_VECTOR else Rotation.from_euler(meant, numbers)
 
 
 def _described(convention: Convention, by_axis: bool) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal
 
 from gtpin.data import Dataset
@@ -13,7 +12,7 @@ from gtpin.extras.certificate.quantity import Quantity
 from gtpin.model.model import Model
 from gtpin.model.place import free_motions
 from gtpin.noise.noise import Noise
-from gtpin.output.shown import Shown, present
+from gtpin.output.shown import SavedResult, present
 
 Basis = Literal["left_out", "new", "fitted"]
 """The poses of the errors of the corrected machine: left out of the fit in turn, new to the given model, or those to which the
@@ -21,7 +20,7 @@ given model was fitted."""
 
 
 @dataclass(frozen=True, repr=False)
-class Certificate(Shown):
+class Certificate(SavedResult):
     """Accuracy of a machine and uncertainty of its corrected positions; see ``docs/health.md``.
 
     Parameters
@@ -102,10 +101,3 @@ class Certificate(Shown):
         """The content of ``certificate.json``."""
         content: dict[str, Any] = present(self).json()
         return content
-
-    def save(self, folder: Path | str, *, force: bool = False) -> None:
-        """Write what ``gtpin certify`` writes: ``certificate.html``, ``certificate.json`` and ``model/``.
-
-        With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
-        """
-        present(self).save(Path(folder), force=force)

@@ -1,5 +1,5 @@
 """A diagnosed machine in any simulator of its nominal robot: commands for it, and the offset of the TCP that remains."""
 
-from gtpin.sim.simulator_commands import Diagnosed, SimulatorCommands, commands_for_simulator
+from gtpin.extras.simulators.any_simulator import Diagnosed, SimulatorCommands, commands_for_simulator
 
 __all__ = ["Diagnosed", "SimulatorCommands", "commands_for_simulator"]
