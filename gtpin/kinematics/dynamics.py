@@ -14,10 +14,9 @@ from functools import cached_property, partial
 import numpy as np
 
 from gtpin.errors import ModelError
-from gtpin.kinematics.closing import LoopClosure
+from gtpin.kinematics.closing import Here, LoopClosure
 from gtpin.kinematics.copies import copies
 from gtpin.kinematics.placed import PlacedParts, rotation
-from gtpin.kinematics.postures import Here
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 

@@ -6,9 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from gtpin.kinematics.closing import LoopClosure
+from gtpin.kinematics.closing import Here, LoopClosure
 from gtpin.kinematics.placed import Moves, PlacedParts, rotation
-from gtpin.kinematics.postures import Here
 from gtpin.kinematics.rotations import skew
 from gtpin.typing import Floats, Ints
 

@@ -10,10 +10,10 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import ModelError, SingularityError, UnreachableError, check_kind
+from gtpin.kinematics.closing import Here
 from gtpin.kinematics.frames import frame_of
 from gtpin.kinematics.kinematics import Kinematics, nominal
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.postures import Here
 from gtpin.real import real
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
