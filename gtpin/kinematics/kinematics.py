@@ -14,7 +14,7 @@ from gtpin.kinematics.closing import SINGULAR, Here, LoopClosure
 from gtpin.kinematics.dynamics import Loads, loads, rod_ends
 from gtpin.kinematics.first_guess import FirstGuess, nodes
 from gtpin.kinematics.motion import FrameMotion
-from gtpin.kinematics.placed import Moves, PlacedParts, moves_of, placed_by, rotation, twisted
+from gtpin.kinematics.placed import Moves, PlacedParts, moves_of, placed_by, rotation, times, twisted
 from gtpin.kinematics.poses import Poses
 from gtpin.robot.assembly import NEAR, tolerance
 from gtpin.robot.chain import Chain
@@ -362,12 +362,9 @@ class Kinematics:
         self, here: Here, placed: PlacedParts, reached: Mask, rows: Ints, X: Floats, T: Floats, R: Floats
     ) -> None:
         """Write the postures that were reached, of some rows, into arrays of all."""
-        carrier = here.oMi[reached, self.robot.tcp_joint]
-        tcp = placed.tcp if placed.tcp.ndim == 1 else placed.tcp[reached]
-        turn, rows = rotation(carrier), rows[reached]
+        rows = rows[reached]
         X[rows] = here.X[reached]
-        T[rows] = (turn @ tcp[..., 9:, None])[..., 0] + carrier[:, 9:]
-        R[rows, 0] = turn @ rotation(tcp)
+        R[rows, 0], T[rows] = times(here.oMi[reached, self.robot.tcp_joint], placed.take(reached).tcp)
         for i, link in enumerate(self.robot.measured_links, 1):
             R[rows, i] = rotation(here.oMi[reached, link.joint_id]) @ link.rotation
 

@@ -267,7 +267,8 @@ class _UrdfWriter:
         if above != link:
             self._link(link, pose)
             add_joint(self.robot, f"{name}_fixed", "fixed", above, link, before)
-        self._mass(link, self.masses.inertia(name, parts))
+        element = next(element for element in self.robot.findall("link") if element.get("name") == link)
+        add_inertia(element, self.masses.inertia(name, parts))
         self._children(parts, link)
 
     def _moving(
@@ -435,6 +436,3 @@ class _UrdfWriter:
             raise self.values.error(f"two links would be called {name}", "rename the body or site")
         SubElement(self.robot, "link", name=name)
         self.at[name] = placement
-
-    def _mass(self, name: str, inertia: Any) -> None:
-        add_inertia(next(link for link in self.robot.findall("link") if link.get("name") == name), inertia)
