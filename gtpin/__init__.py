@@ -23,10 +23,9 @@ if TYPE_CHECKING:
     from gtpin.instruments.instrument import Component, Instrument, Unknown
     from gtpin.kinematics.inverse import commands_for, reach
     from gtpin.kinematics.poses import Poses
-    from gtpin.kinematics.posture import ClosedPosture, geometry_jacobian, home
+    from gtpin.kinematics.posture import ClosedPosture, geometry_jacobian, home, rod_forces, static_forces
     from gtpin.kinematics.robot import Robot, load_robot
     from gtpin.kinematics.singularities import singularities
-    from gtpin.kinematics.statics import rod_forces, static_forces
     from gtpin.model.model import Frame, Model
     from gtpin.model.model_folder import read_model, write_model
     from gtpin.planning.plan import PosePlan, plan
@@ -64,8 +63,8 @@ _HOME = {
     "ClosedPosture": "gtpin.kinematics.posture",
     "home": "gtpin.kinematics.posture",
     "singularities": "gtpin.kinematics.singularities",
-    "rod_forces": "gtpin.kinematics.statics",
-    "static_forces": "gtpin.kinematics.statics",
+    "rod_forces": "gtpin.kinematics.posture",
+    "static_forces": "gtpin.kinematics.posture",
     "Frame": "gtpin.model.model",
     "Model": "gtpin.model.model",
     "read_model": "gtpin.model.model_folder",

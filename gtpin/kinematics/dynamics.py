@@ -14,10 +14,9 @@ from functools import cached_property, partial
 import numpy as np
 
 from gtpin.errors import ModelError
-from gtpin.kinematics.closing import LoopClosure
+from gtpin.kinematics.closing import Here, LoopClosure
 from gtpin.kinematics.copies import copies
-from gtpin.kinematics.placed import PlacedParts, rotation
-from gtpin.kinematics.postures import Here
+from gtpin.kinematics.placed import PlacedParts, rotation, times
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
@@ -110,7 +109,8 @@ def constraint_forces(loops: LoopClosure, here: Here, tau: Floats) -> Floats:
     found = np.zeros((loops.count, 3, len(here)))
     passive = tau[:, loops.solved]
     if loops.reduced:
-        found = _by_private(loops, equations.alone, tau)
+        sign = loops.S[np.arange(loops.count)[:, None], loops.private]
+        found = np.einsum("nlk,lk,lkin->lin", tau[:, loops.private], sign, equations.alone)
         along = found.transpose(2, 0, 1)
         wrenches = np.concatenate([along, np.cross(here.p.transpose(2, 0, 1), along)], axis=2)
         columns = here.J[:, loops.solved]
@@ -119,12 +119,6 @@ def constraint_forces(loops: LoopClosure, here: Here, tau: Floats) -> Floats:
     for e, loop in enumerate(loops.loop_of):
         found[loop] += d[e] * f[e]
     return found.transpose(2, 0, 1)
-
-
-def _by_private(loops: LoopClosure, alone: Floats, tau: Floats) -> Floats:
-    """(L, 3, N) the part of each loop's force that holds its two private velocities."""
-    sign = loops.S[np.arange(loops.count)[:, None], loops.private]
-    return np.asarray(np.einsum("nlk,lk,lkin->lin", tau[:, loops.private], sign, alone))
 
 
 def _on_joints(
@@ -145,15 +139,10 @@ def _on_joints(
         if loops.moves_tcp[j]:
             beyond = beyond + on_tool
         F, M = F + beyond[:, :3], M + beyond[:, 3:]
-        parent = here.oMi[:, int(model.parents[j])]
-        local = placements[..., j - 1, :]
-        frame, up = rotation(parent) @ rotation(local), rotation(parent)
-        T = (up @ local[..., 9:, None])[..., 0] + parent[:, 9:]
+        frame, T = times(here.oMi[:, int(model.parents[j])], placements[..., j - 1, :])
         found[:, j - 1, :3] = np.einsum("nji,nj->ni", frame, F)
         found[:, j - 1, 3:] = np.einsum("nji,nj->ni", frame, M - np.cross(T, F))
-    carrier = here.oMi[:, robot.tcp_joint]
-    frame = rotation(carrier) @ rotation(placed.tcp)
-    T = (rotation(carrier) @ placed.tcp[..., 9:, None])[..., 0] + carrier[:, 9:]
+    frame, T = times(here.oMi[:, robot.tcp_joint], placed.tcp)
     found[:, -1, :3] = np.einsum("nji,nj->ni", frame, on_tool[:, :3])
     found[:, -1, 3:] = np.einsum("nji,nj->ni", frame, on_tool[:, 3:] - np.cross(T, on_tool[:, :3]))
     return found

@@ -9,15 +9,14 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from gtpin.errors import ClosureError, ModelError, UnreachableError
-from gtpin.kinematics.closing import SINGULAR, LoopClosure
+from gtpin.errors import AssemblyModeError, ClosureError, ModelError, UnreachableError
+from gtpin.kinematics.closing import SINGULAR, Here, LoopClosure
 from gtpin.kinematics.dynamics import Loads, loads, rod_ends
 from gtpin.kinematics.first_guess import FirstGuess, nodes
-from gtpin.kinematics.from_home import check_declared_home, open_at_home, ways_round
 from gtpin.kinematics.motion import FrameMotion
-from gtpin.kinematics.placed import Moves, PlacedParts, moves_of, placed_by, rotation, twisted
+from gtpin.kinematics.placed import Moves, PlacedParts, moves_of, placed_by, rotation, times, twisted
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.postures import Here
+from gtpin.robot.assembly import NEAR, tolerance
 from gtpin.robot.chain import Chain
 from gtpin.robot.constrained_model import joint_axis
 from gtpin.robot.export import to_urdf
@@ -37,6 +36,12 @@ TRUSTED = 0.3
 SAME, USABLE = 1e-6, 0.3
 """A guess is of use if all postures found from it at its nodes differ by less from those along paths from home, m and rad, and
 if these are at least such a part of the nodes. Assumed."""
+
+HOME_OFF = 0.1
+"""Distance, m, from the home in the URDF, beyond which the loops count as closed in another assembly mode. Assumed."""
+HOME_TURNED = 0.2
+"""Angle, rad, from the home in the URDF, beyond which they count so too. Assumed: both are far larger than rounding errors,
+and smaller than the difference of assembly modes."""
 
 
 @dataclass(frozen=True)
@@ -250,10 +255,10 @@ class Kinematics:
         closing = loops.newton(loops.at(self.robot.with_commands(begin, q), placed), placed, contraction=1.0)
         if not closing.closed.all():
             if plain:
-                raise open_at_home(robot)
+                raise _open_at_home(robot)
             raise UnreachableError(f"the loops of {robot.name} don't close at home", hint="check the geometry's values")
         if plain:
-            check_declared_home(robot, closing.here)
+            _check_declared_home(robot, closing.here)
         return closing.here
 
     @property
@@ -308,7 +313,7 @@ class Kinematics:
         lost = np.flatnonzero(~reached)
         if not lost.size:
             return found, reached
-        ways = ways_round(self.robot, q_home[0], q[lost])
+        ways = _ways_round(self.robot, q_home[0], q[lost])
         if not len(ways):
             return found, reached
         corners, rows = np.concatenate(ways), np.tile(lost, len(ways))
@@ -357,12 +362,9 @@ class Kinematics:
         self, here: Here, placed: PlacedParts, reached: Mask, rows: Ints, X: Floats, T: Floats, R: Floats
     ) -> None:
         """Write the postures that were reached, of some rows, into arrays of all."""
-        carrier = here.oMi[reached, self.robot.tcp_joint]
-        tcp = placed.tcp if placed.tcp.ndim == 1 else placed.tcp[reached]
-        turn, rows = rotation(carrier), rows[reached]
+        rows = rows[reached]
         X[rows] = here.X[reached]
-        T[rows] = (turn @ tcp[..., 9:, None])[..., 0] + carrier[:, 9:]
-        R[rows, 0] = turn @ rotation(tcp)
+        R[rows, 0], T[rows] = times(here.oMi[reached, self.robot.tcp_joint], placed.take(reached).tcp)
         for i, link in enumerate(self.robot.measured_links, 1):
             R[rows, i] = rotation(here.oMi[reached, link.joint_id]) @ link.rotation
 
@@ -421,6 +423,51 @@ def reached_poses(kinematics: Kinematics, q: Floats) -> Poses:
         name = kinematics.geometry.robot.name
         raise UnreachableError(f"{name} can't reach the commands in row {lost[0]}", hint="leave them out")
     return poses
+
+
+def _open_at_home(robot: Chain) -> UnreachableError:
+    """The error of loops that can't be closed at home."""
+    described, gap = robot.description, robot.assembly.gap
+    what = f"the loops of {robot.name} don't close at its home"
+    if described.home is None or gap <= NEAR:
+        what += f": {gap:.3g} m is the smallest gap found between their anchors (up to {tolerance(robot):.2g} m is rounding)"
+    hint = "mend the joints or the loops' anchors"
+    if described.home is not None:
+        hint = "mend <home> or the loops' anchors"
+    elif described.kind == "mjcf":
+        hint = "mend the joints, the places of its equality constraints, or its keyframe"
+    return UnreachableError(what, hint=hint)
+
+
+def _check_declared_home(robot: Chain, here: Here) -> None:
+    """Raise `AssemblyModeError` if the posture at home is far from the home that the robot's file gives."""
+    declared = robot.description.home
+    if declared is None:
+        return
+    carrier = here.oMi[0, robot.home_joint]
+    there = pin.SE3(rotation(carrier), carrier[9:]) * robot.home_placement
+    off = float(np.linalg.norm(there.translation - np.array(declared.tcp_xyz)))
+    turned = float(np.linalg.norm(pin.log3(there.rotation @ pin.exp3(np.array(declared.tcp_rotvec)).T)))
+    if off > HOME_OFF or turned > HOME_TURNED:
+        far = f"{off:.3g} m" if off > HOME_OFF else f"{turned:.3g} rad"
+        raise AssemblyModeError(
+            f"the loops of {robot.name} close {far} from the home that its URDF tells", hint="mend <home>"
+        )
+
+
+def _ways_round(robot: Chain, home_q: Floats, q: Floats) -> list[Floats]:
+    """Other ways from home to commands (N, n) than the straight line: corners (N, n + 2, n) of polylines.
+
+    The same angle within half a turn of home, for actuators without limits; then the actuators one after the other, in their
+    order and in the reverse order.
+    """
+    turns, count = 2.0 * np.pi, robot.n_actuators
+    near = np.where(robot.endless, q - turns * np.round((q - home_q) / turns), q)
+    orders = [np.zeros(count, dtype=int)] if (near != q).any() else []
+    if count > 1:
+        orders += [np.arange(count), np.arange(count)[::-1]]
+    moved = [[order < stop for stop in range(count + 1)] + [np.ones(count, dtype=bool)] for order in orders]
+    return [np.stack([np.where(there, near, home_q) for there in way], axis=1) for way in moved]
 
 
 def _chunks(rows: Ints, size: int = CHUNK) -> Iterator[Ints]:

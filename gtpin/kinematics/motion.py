@@ -6,9 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from gtpin.kinematics.closing import LoopClosure
-from gtpin.kinematics.placed import Moves, PlacedParts, rotation
-from gtpin.kinematics.postures import Here
+from gtpin.kinematics.closing import Here, LoopClosure
+from gtpin.kinematics.placed import Moves, PlacedParts, rotation, times
 from gtpin.kinematics.rotations import skew
 from gtpin.typing import Floats, Ints
 
@@ -29,7 +28,7 @@ class FrameMotion:
         robot, n = loops.robot, len(here)
         self._J, self._placements = robot.model.njoints - 1, placed.of_joints(robot)
         tcp = here.oMi[:, robot.tcp_joint]
-        self._R_tcp, self._T_tcp = _times(tcp, placed.tcp)
+        self._R_tcp, self._T_tcp = times(tcp, placed.tcp)
         self._supports = [set(robot.model.supports[link.joint_id]) for link in robot.measured_links]
         each = [here.J[..., 3:] * np.isin(loops.joint_of, list(own))[:, None] for own in self._supports]
         J_tcp = np.swapaxes(np.concatenate([here.J * loops.tcp[:, None], *each], axis=2), 1, 2)
@@ -66,7 +65,7 @@ class FrameMotion:
             anchor = index - self._J - 1
             carrier, at = self._oMi[:, self._loops.carriers[anchor]], self._placed.anchors[..., anchor, :, None]
             return self._rotation(index), (rotation(carrier) @ at)[..., 0] + carrier[:, 9:]
-        return _times(self._oMi[:, self._loops.parents[index + 1]], self._placements[..., index, :])
+        return times(self._oMi[:, self._loops.parents[index + 1]], self._placements[..., index, :])
 
     def _rotation(self, index: int) -> Floats:
         """(N, 3, 3) rotation of a frame."""
@@ -168,9 +167,3 @@ def _slice(columns: Ints) -> slice | Ints:
     """Columns that follow each other as a slice, which NumPy takes without a copy."""
     first, last = int(columns[0]), int(columns[-1])
     return slice(first, last + 1) if np.array_equal(columns, np.arange(first, last + 1)) else columns
-
-
-def _times(placements: Floats, placement: Floats) -> tuple[Floats, Floats]:
-    """Rotation (N, 3, 3) and translation (N, 3) of placements (N, 12) times another, (12,) or (N, 12)."""
-    R, own = rotation(placements), rotation(placement)
-    return R @ own, (R @ placement[..., 9:, None])[..., 0] + placements[:, 9:]

@@ -56,6 +56,12 @@ def rotation(placements: Floats) -> Floats:
     return np.swapaxes(placements[..., :9].reshape(*placements.shape[:-1], 3, 3), -1, -2)
 
 
+def times(placements: Floats, placement: Floats) -> tuple[Floats, Floats]:
+    """Rotation (N, 3, 3) and translation (N, 3) of placements (N, 12) times another, (12,) or (N, 12)."""
+    R, own = rotation(placements), rotation(placement)
+    return R @ own, (R @ placement[..., 9:, None])[..., 0] + placements[:, 9:]
+
+
 def own_placements(robot: Chain) -> Floats:
     """(J, 12) placements of the joints on their parents in the robot's file. A copy."""
     if "placements" not in robot.memo:

@@ -12,7 +12,6 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from gtpin.errors import ClosureError, ModelError
-from gtpin.kinematics.arguments import like, rows_of, wanted
 from gtpin.kinematics.dynamics import Forces
 from gtpin.kinematics.frames import Moving, frame_of
 from gtpin.kinematics.inverse import out_of_reach, solved
@@ -149,7 +148,7 @@ class Robot(Chain):
         ModelError, ClosureError
             As :meth:`forward`.
         """
-        return like(q, self._moving(q).velocity(frame_of(self, frame), self._with(q, v)))
+        return _like(q, self._moving(q).velocity(frame_of(self, frame), self._with(q, v)))
 
     def acceleration(self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike, frame: str | None = None) -> Floats:
         """The acceleration of the TCP, or of another frame, at velocities and accelerations of the commands.
@@ -176,7 +175,7 @@ class Robot(Chain):
         """
         moving, rates = self._moving(q), (self._with(q, v), self._with(q, a))
         V, A = moving.velocities(rates[0]), moving.accelerations(*rates)
-        return like(q, moving.acceleration([frame_of(self, frame)], V, A)[:, 0])
+        return _like(q, moving.acceleration([frame_of(self, frame)], V, A)[:, 0])
 
     def inverse_dynamics(
         self,
@@ -217,7 +216,7 @@ class Robot(Chain):
         >>> robot.inverse_dynamics(robot.home_q, [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]).shape
         (3,)
         """
-        return like(q, self._moving(q).actuator_forces(*self._loaded(q, v, a, force, moment, payload)))
+        return _like(q, self._moving(q).actuator_forces(*self._loaded(q, v, a, force, moment, payload)))
 
     def forces(
         self,
@@ -236,7 +235,7 @@ class Robot(Chain):
             As :meth:`forward`; `ModelError` too if the loops are redundant, so that nothing determines their forces.
         """
         found = self._moving(q).forces(*self._loaded(q, v, a, force, moment, payload))
-        return Forces(*(like(q, part) for part in (found.actuators, found.loops, found.rods)))
+        return Forces(*(_like(q, part) for part in (found.actuators, found.loops, found.rods)))
 
     def reflected_inertia(self, q: npt.ArrayLike) -> Floats:
         """The inertia matrix at the actuators: G' M G, with Pinocchio's M and the derivative G of all joints by the commands.
@@ -257,7 +256,7 @@ class Robot(Chain):
         ModelError, ClosureError
             As :meth:`forward`.
         """
-        return like(q, self._moving(q).inertia())
+        return _like(q, self._moving(q).inertia())
 
     def inverse(self, T: Any, R: npt.ArrayLike | None = None, start: npt.ArrayLike | None = None) -> Floats:
         """Commands that bring the TCP to a pose: inverse kinematics, by Newton's method.
@@ -295,7 +294,7 @@ class Robot(Chain):
         >>> print(f"{np.abs(ur5.forward(q).T - pose.T).max():.6f} m")
         0.000000 m
         """
-        T, R = wanted(T, R)
+        T, R = _wanted(T, R)
         many, T = T.ndim == 2, np.atleast_2d(T)
         R = None if R is None else np.reshape(R, (-1, 3, 3))
         near = self.home_q if start is None else self._commands(start)
@@ -320,7 +319,7 @@ class Robot(Chain):
 
     def _with(self, q: npt.ArrayLike, rates: npt.ArrayLike) -> Floats:
         """Velocities or accelerations (N, n) for N commands q, of (N, n) or (n,) of all."""
-        return rows_of(self._commands(rates), (np.atleast_2d(np.asarray(q)).shape[0], self.n_actuators), "velocities")
+        return _rows_of(self._commands(rates), (np.atleast_2d(np.asarray(q)).shape[0], self.n_actuators), "velocities")
 
     def _loaded(
         self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike, *tool: npt.ArrayLike | None
@@ -328,7 +327,7 @@ class Robot(Chain):
         """Velocities, accelerations, and force, moment and payload on the tool, of N commands."""
         n = np.atleast_2d(np.asarray(q)).shape[0]
         shapes = zip(tool, ((n, 3), (n, 3), (n,)), ("forces", "moments", "payloads"), strict=True)
-        loads = [rows_of(0.0 if given is None else given, shape, what) for given, shape, what in shapes]
+        loads = [_rows_of(0.0 if given is None else given, shape, what) for given, shape, what in shapes]
         return [self._with(q, v), self._with(q, a), *loads]
 
     def _moving(self, q: npt.ArrayLike) -> Moving:
@@ -398,3 +397,41 @@ def load_robot(
     7
     """
     return library.loaded(Robot, robot, tcp, actuators, home, constraints)
+
+
+def _like(q: npt.ArrayLike, found: Floats) -> Floats:
+    """Results (N, ...) as they are for commands (N, n); the first for one command (n,)."""
+    return found if np.ndim(q) == 2 else found[0]
+
+
+def _rows_of(values: npt.ArrayLike, shape: tuple[int, ...], what: str) -> Floats:
+    """Values as an array of a shape; `ModelError` where they are no finite numbers, or don't fit."""
+    given = real(values, what)
+    try:
+        found = np.array(np.broadcast_to(given, shape))
+    except ValueError:
+        found = np.array(np.nan)
+    if not np.isfinite(found).all():
+        raise ModelError(f"{what} that don't fit {shape[0]} commands", hint=f"give finite numbers of the shape {shape}")
+    return found
+
+
+def _wanted(T: Any, R: npt.ArrayLike | None) -> tuple[Floats, Floats | None]:
+    """Positions (3,) or (N, 3), and rotations or None, of what :meth:`Robot.inverse` takes."""
+    if isinstance(T, ClosedPosture) and T.frame is not None:
+        raise ModelError(f"a pose of {T.frame}", hint="give one of the TCP, or load the robot with tcp=")
+    if R is None and isinstance(T, (ClosedPosture, Poses)):
+        return T.T, T.R
+    if R is None and isinstance(T, pin.SE3):
+        return np.array(T.translation), np.array(T.rotation)
+    wanted = real(T, "wanted poses", "give (3,), (N, 3), (4, 4) or (N, 4, 4) numbers, or a pinocchio.SE3")
+    rotations = None if R is None else real(R, "wanted rotations")
+    if rotations is None and wanted.ndim in (2, 3) and wanted.shape[-2:] == (4, 4):
+        return wanted[..., :3, 3], wanted[..., :3, :3]
+    if wanted.ndim not in (1, 2) or wanted.shape[-1] != 3:
+        hint = "give (3,), (N, 3), (4, 4) or (N, 4, 4) numbers, or a pinocchio.SE3"
+        raise ModelError(f"wanted poses of shape {wanted.shape}", hint=hint)
+    if rotations is not None and rotations.shape != (*wanted.shape[:-1], 3, 3):
+        hint = "give one 3 x 3 matrix for each position"
+        raise ModelError(f"wanted rotations of shape {rotations.shape} for positions {wanted.shape}", hint=hint)
+    return wanted, rotations

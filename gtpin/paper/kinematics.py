@@ -11,11 +11,11 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import ModelError
+from gtpin.kinematics.closing import Here
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.motion import FrameMotion
 from gtpin.kinematics.placed import Moves, PlacedParts, numbers, own_placements
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.postures import Here
 from gtpin.kinematics.rotations import exp, left_jacobian, skew
 from gtpin.paper.geometry import PaperGeometry
 from gtpin.paper.tracks import MeasuredTrack

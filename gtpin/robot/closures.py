@@ -15,6 +15,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 from gtpin.data.files import read_text
 from gtpin.errors import RobotError
+from gtpin.robot.urdf_elements import own_element
 
 SUFFIX = ".yaml"
 READ = ("closed_loop", "type", "name_mot")
@@ -47,8 +48,7 @@ def urdf_with_loops(file: Path, parse: Callable[[str, str], Element]) -> str:
     else:
         for number, (pair, kind) in enumerate(pairs.items()):
             _add_loop(file, root, f"loop{number + 1}", pair, TYPES[kind])
-    own = root.find("gtpin")
-    own = SubElement(root, "gtpin") if own is None else own
+    own = own_element(root)
     driven = [element.get("joint", "") for element in own.findall("actuator")]
     if driven and driven != drives:
         _refuse(file, rows, "name_mot", f"the URDF's driven joints are {', '.join(driven)}", "write these")

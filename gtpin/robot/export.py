@@ -14,7 +14,7 @@ from gtpin.robot.assembly import home_attributes
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import parse_xml
 from gtpin.robot.geometry import Geometry
-from gtpin.robot.mjcf_values import exact_text
+from gtpin.robot.urdf_elements import add_joint, exact_text, own_element, set_origin
 from gtpin.typing import Floats
 
 
@@ -48,7 +48,7 @@ def to_urdf(
             # The URDF's origin is from the parent link's frame to the child link's, Pinocchio's placement from joint to joint.
             element = joints[robot.model.names[joint_id]]
             end = _link_placement(robot, element, "child")
-            _set_origin(element, _link_placement(robot, element, "parent").inverse() * placement * end)
+            set_origin(element, _link_placement(robot, element, "parent").inverse() * placement * end)
     loops = {loop.get("name", ""): loop for loop in root.findall("loop_joint")}
     for index, (at, (_, own)) in enumerate(zip(anchors, robot.anchors, strict=True)):
         loop, shift = robot.description.loops[index // 2], robot.anchor_axes[index].T @ (at - own.translation)
@@ -73,12 +73,8 @@ def _add_target(robot: Chain, root: Element, tcp: str, name: str, place: pin.SE3
     while name in robot.links:
         name = f"measured_{name}"
     SubElement(root, "link", {"name": name})
-    joint = SubElement(root, "joint", {"name": f"{name}_mount", "type": "fixed"})
-    SubElement(joint, "parent", {"link": tcp})
-    SubElement(joint, "child", {"link": name})
-    _set_origin(joint, place)
-    own = root.find("gtpin")
-    own = SubElement(root, "gtpin") if own is None else own
+    add_joint(root, f"{name}_mount", "fixed", tcp, name, place)
+    own = own_element(root)
     if own.find("platform") is None:
         SubElement(own, "platform", {"link": tcp})
 
@@ -87,16 +83,12 @@ def _move_tcp(robot: Chain, root: Element, moved: pin.SE3) -> str:
     """Move the TCP, and return the name of its link."""
     for joint in root.findall("joint"):
         if joint.get("type") == "fixed" and _child(joint, "child").get("link") == robot.tcp_frame:
-            _set_origin(joint, _link_placement(robot, joint, "parent").inverse() * robot.tcp_placement * moved)
+            set_origin(joint, _link_placement(robot, joint, "parent").inverse() * robot.tcp_placement * moved)
             return robot.tcp_frame
     name = f"{robot.tcp_frame}_tcp"
     SubElement(root, "link", {"name": name})
-    joint = SubElement(root, "joint", {"name": f"{name}_fixed", "type": "fixed"})
-    SubElement(joint, "parent", {"link": robot.tcp_frame})
-    SubElement(joint, "child", {"link": name})
-    _set_origin(joint, moved)
-    own = root.find("gtpin")
-    own = SubElement(root, "gtpin") if own is None else own
+    add_joint(root, f"{name}_fixed", "fixed", robot.tcp_frame, name, moved)
+    own = own_element(root)
     platform = own.find("platform")
     platform = SubElement(own, "platform") if platform is None else platform
     platform.set("link", name)
@@ -113,10 +105,7 @@ def _name_what_was_found(robot: Chain, root: Element) -> None:
     chosen = bool(robot.constraints) and robot.assembly.chosen
     if tcp is None and not planes and not chosen:
         return
-    own = root.find("gtpin")
-    if own is None:
-        own = Element("gtpin")
-        root.append(own)
+    own = own_element(root)
     if tcp is not None:
         for home in own.findall("home"):
             home.set("link", home.get("link") or named_tcp)
@@ -163,16 +152,7 @@ def _rehome(
     was = pin.SE3(pin.exp3(np.array(robot.description.home.tcp_rotvec)), np.array(robot.description.home.tcp_xyz))
     now = data.oMi[robot.tcp_joint] * robot.home_placement
     if platform in joints and joints[platform].get("type") == "floating" and was.isApprox(now, 1e-6):
-        _set_origin(joints[platform], platform_pose)
-
-
-def _set_origin(joint: Element, placement: pin.SE3) -> None:
-    origin = joint.find("origin")
-    if origin is None:
-        origin = Element("origin")
-        joint.insert(0, origin)
-    origin.set("xyz", exact_text(placement.translation))
-    origin.set("rpy", exact_text(pin.rpy.matrixToRpy(placement.rotation)))
+        set_origin(joints[platform], platform_pose)
 
 
 def _child(element: Element, tag: str) -> Element:

@@ -15,8 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError, warn
-from gtpin.robot.mjcf_values import JOINTS, MAIN, SHOWN, Masses, Part, Values, exact_text, without_objects
+from gtpin.robot.mjcf_values import JOINTS, MAIN, SHOWN, Masses, Part, Values, without_objects
 from gtpin.robot.tree import TOOL, Tree
+from gtpin.robot.urdf_elements import add_inertia, add_joint, exact_text, set_origin
 from gtpin.typing import Floats
 
 WORLD = "world"
@@ -174,7 +175,7 @@ class _UrdfWriter:
         tree = Tree.of(self.robot, self.values.source)
         for name, (link, placement) in self.sites.items():
             self._link(name, self.at[link] * placement)
-            self._joint(f"{name}_site", "fixed", link, name, placement)
+            add_joint(self.robot, f"{name}_site", "fixed", link, name, placement)
         tip = marked or (TOOL if TOOL in self.at else None)
         guessed = {"guessed": "true"} if tip is None and len(tree.ends) > 1 else {}
         tip = tip or tree.tip
@@ -265,15 +266,16 @@ class _UrdfWriter:
             before, above = at.inverse(), child
         if above != link:
             self._link(link, pose)
-            self._joint(f"{name}_fixed", "fixed", above, link, before)
-        self._mass(link, self.masses.inertia(name, parts))
+            add_joint(self.robot, f"{name}_fixed", "fixed", above, link, before)
+        element = next(element for element in self.robot.findall("link") if element.get("name") == link)
+        add_inertia(element, self.masses.inertia(name, parts))
         self._children(parts, link)
 
     def _moving(
         self, name: str, given: dict[str, str], kind: str, part: Part, parent: str, child: str, origin: Any
     ) -> None:
         if kind == "free":
-            self._joint(name, "floating", parent, child, origin)
+            add_joint(self.robot, name, "floating", parent, child, origin)
             if self.keyframe.places and _kind(part, self.values) == "free":
                 x, y, z, qw, *vector = self.keyframe.at(part.element, 7)
                 there = origin.inverse() * pin.XYZQUATToSE3(np.array([x, y, z, *vector, qw]))
@@ -291,7 +293,7 @@ class _UrdfWriter:
             limited = "true" if self.values.limits and "range" in given else "false"
         lower, upper = self.values.numbers(given, "range", "0 0", 2) * unit if limited == "true" else (0.0, 0.0)
         turning = "revolute" if limited == "true" else "continuous"
-        joint = self._joint(name, turning if kind == "hinge" else "prismatic", parent, child, at_zero)
+        joint = add_joint(self.robot, name, turning if kind == "hinge" else "prismatic", parent, child, at_zero)
         SubElement(joint, "axis", xyz=exact_text(axis))
         # A range of zero width means no range: URDF has no prismatic joint without a range.
         SubElement(joint, "limit", lower=repr(float(lower)), upper=repr(float(upper)), effort="0", velocity="0")
@@ -417,9 +419,9 @@ class _UrdfWriter:
         """Make a joint a fixed one, at a coordinate, rad or m."""
         origin, twist = self.moves[joint.get("name", "")]
         joint.set("type", "fixed")
-        for part in [part for part in joint if part.tag in ("origin", "axis", "limit")]:
+        for part in [part for part in joint if part.tag in ("axis", "limit")]:
             joint.remove(part)
-        self._place(joint, origin * pin.exp6(coordinate * twist))
+        set_origin(joint, origin * pin.exp6(coordinate * twist))
 
     # ------------------------------------------------------------------------------------------------ elements
 
@@ -434,25 +436,3 @@ class _UrdfWriter:
             raise self.values.error(f"two links would be called {name}", "rename the body or site")
         SubElement(self.robot, "link", name=name)
         self.at[name] = placement
-
-    def _mass(self, name: str, inertia: Any) -> None:
-        if inertia.mass <= 0.0:
-            return
-        link = next(link for link in self.robot.findall("link") if link.get("name") == name)
-        inertial = SubElement(link, "inertial")
-        SubElement(inertial, "origin", xyz=exact_text(inertia.lever))
-        SubElement(inertial, "mass", value=repr(float(inertia.mass)))
-        I = inertia.inertia  # noqa: E741
-        entries = {"ixx": I[0, 0], "iyy": I[1, 1], "izz": I[2, 2], "ixy": I[0, 1], "ixz": I[0, 2], "iyz": I[1, 2]}
-        SubElement(inertial, "inertia", {key: repr(float(value)) for key, value in entries.items()})
-
-    def _joint(self, name: str, kind: str, parent: str, child: str, origin: Any) -> Element:
-        joint = SubElement(self.robot, "joint", name=name, type=kind)
-        SubElement(joint, "parent", link=parent)
-        SubElement(joint, "child", link=child)
-        self._place(joint, origin)
-        return joint
-
-    def _place(self, joint: Element, origin: Any) -> None:
-        turn = pin.rpy.matrixToRpy(origin.rotation)
-        SubElement(joint, "origin", xyz=exact_text(origin.translation), rpy=exact_text(turn))

@@ -191,11 +191,6 @@ def _turned_to(direction: Floats) -> Floats:
     return np.asarray(pin.exp3(math.atan2(sine, direction[2]) * axis))
 
 
-def exact_text(values: Floats) -> str:
-    """Numbers as text from which exactly the same floats are read."""
-    return " ".join(repr(float(value) + 0.0) for value in values)
-
-
 def with_includes(root: Element, file: Path, parse: Any) -> None:
     """Replace each ``<include file>`` by the content of that file, as MuJoCo does.
 

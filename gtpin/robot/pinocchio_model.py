@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from gtpin.errors import RobotError
 from gtpin.robot.constrained_model import joint_axis
-from gtpin.robot.mjcf_values import exact_text
+from gtpin.robot.urdf_elements import add_inertia, add_joint, exact_text
 
 SUPPORTED = "joints of one degree of freedom (revolute or prismatic) and free flyers are supported"
 
@@ -38,14 +38,14 @@ def urdf_of(model: pin.Model, constraints: Sequence[Any], home: str = "") -> str
         links.setdefault(joint, f"{model.names[joint]}_link" if joint else "base")
         link = SubElement(root, "link", name=links[joint])
         if joint:
-            _inertial(link, model.inertias[joint])
+            add_inertia(link, model.inertias[joint])
             _joint(root, model, joint, links[int(model.parents[joint])], links[joint])
     taken = set(links.values())
     for frame in model.frames:
         if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME) and frame.name not in taken:
             taken.add(frame.name)
             SubElement(root, "link", name=frame.name)
-            _connect(root, f"{frame.name}_mount", "fixed", links[int(frame.parentJoint)], frame.name, frame.placement)
+            add_joint(root, f"{frame.name}_mount", "fixed", links[int(frame.parentJoint)], frame.name, frame.placement)
     for number, constraint in enumerate(constraints):
         kind, one = _closure(constraint, number)
         loop = SubElement(root, "loop_joint", name=f"loop{number + 1}", type=kind)
@@ -67,7 +67,7 @@ def urdf_of(model: pin.Model, constraints: Sequence[Any], home: str = "") -> str
 def _joint(root: Element, model: pin.Model, joint: int, parent: str, child: str) -> None:
     kind = model.joints[joint].shortname()
     if kind == "JointModelFreeFlyer":
-        _connect(root, model.names[joint], "floating", parent, child, model.jointPlacements[joint])
+        add_joint(root, model.names[joint], "floating", parent, child, model.jointPlacements[joint])
         return
     twist = joint_axis(model, joint) if model.nvs[joint] == 1 else np.ones(6)
     if twist[:3].any() and twist[3:].any():
@@ -79,31 +79,11 @@ def _joint(root: Element, model: pin.Model, joint: int, parent: str, child: str)
     )  # Pinocchio's default is the largest float
     turns = bool(twist[3:].any())
     own = "revolute" if turns and limited else "continuous" if turns else "prismatic"
-    element = _connect(root, model.names[joint], own, parent, child, model.jointPlacements[joint])
+    element = add_joint(root, model.names[joint], own, parent, child, model.jointPlacements[joint])
     SubElement(element, "axis", xyz=exact_text(twist[3:] if turns else twist[:3]))
     if own != "continuous":  # an empty range is none
         ends = {"lower": repr(low), "upper": repr(high)} if limited else {"lower": "0", "upper": "0"}
         SubElement(element, "limit", {**ends, "effort": "0", "velocity": "0"})
-
-
-def _connect(root: Element, name: str, kind: str, parent: str, child: str, placement: pin.SE3) -> Element:
-    joint = SubElement(root, "joint", name=name, type=kind)
-    SubElement(joint, "parent", link=parent)
-    SubElement(joint, "child", link=child)
-    turn = exact_text(pin.rpy.matrixToRpy(placement.rotation))
-    SubElement(joint, "origin", xyz=exact_text(placement.translation), rpy=turn)
-    return joint
-
-
-def _inertial(link: Element, inertia: pin.Inertia) -> None:
-    if inertia.mass <= 0.0:
-        return
-    element = SubElement(link, "inertial")
-    SubElement(element, "origin", xyz=exact_text(inertia.lever))
-    SubElement(element, "mass", value=repr(float(inertia.mass)))
-    entries = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    own = {f"i{'xyz'[i]}{'xyz'[j]}": repr(float(inertia.inertia[i, j])) for i, j in entries}
-    SubElement(element, "inertia", own)
 
 
 def _closure(constraint: Any, number: int) -> tuple[str, Any]:

@@ -21,8 +21,8 @@ import pinocchio as pin
 from gtpin.errors import RobotError
 from gtpin.robot.description import RobotDescription, parse_xml
 from gtpin.robot.far_frames import bring_near
-from gtpin.robot.mjcf_values import exact_text
 from gtpin.robot.tree import Mimic, Tree
+from gtpin.robot.urdf_elements import exact_text, own_element
 from gtpin.typing import Floats
 
 
@@ -38,7 +38,7 @@ def with_home(
         hint = f"give {len(names)} finite numbers, of {', '.join(names)}"
         raise RobotError(f"home of {len(q)} numbers for {description.name}", column="home", hint=hint)
     root = parse_xml(description.xml, description.source)
-    own = _own(root)
+    own = own_element(root)
     for home in own.findall("home"):
         own.remove(home)
     home = SubElement(own, "home")
@@ -61,7 +61,7 @@ def with_actuators(description: RobotDescription, names: Sequence[str]) -> Robot
     root = parse_xml(description.xml, description.source)
     if driven != own_names:
         _check(description, driven)
-        own = _own(root)
+        own = own_element(root)
         before = {element.get("joint"): element for element in own.findall("actuator")}
         for element in before.values():
             own.remove(element)
@@ -88,12 +88,6 @@ def _check(description: RobotDescription, names: Sequence[str]) -> None:
             what = f"{name} comes twice"
         if what:
             raise RobotError(what, column="actuators", hint=hint)
-
-
-def _own(root: Element) -> Element:
-    """The ``<gtpin>`` of a URDF's outer element; a new one where it has none."""
-    own = root.find("gtpin")
-    return SubElement(root, "gtpin") if own is None else own
 
 
 def _parsed(root: Element, description: RobotDescription) -> RobotDescription:

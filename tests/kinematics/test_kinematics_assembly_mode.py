@@ -11,10 +11,9 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.errors import AssemblyModeError
-from gtpin.kinematics.closing import LoopClosure
+from gtpin.kinematics.closing import Closed, LoopClosure
 from gtpin.kinematics.kinematics import MANY, Kinematics
 from gtpin.kinematics.placed import PlacedParts
-from gtpin.kinematics.postures import Closed
 from gtpin.kinematics.rotations import log
 from gtpin.robot.description import RobotDescription
 

@@ -7,8 +7,8 @@ from moving_robots import FIRST, MAKERS, POINTS, SECOND, made, motion
 
 from gtpin.errors import ModelError
 from gtpin.kinematics.frames import Moving
+from gtpin.kinematics.posture import static_forces
 from gtpin.kinematics.robot import Robot
-from gtpin.kinematics.statics import static_forces
 
 Floats = np.ndarray
 FORCE, MOMENT, PAYLOAD = np.array([12.0, -8.0, 5.0]), np.array([0.4, 0.7, -0.5]), 1.5

@@ -14,7 +14,7 @@ from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.visits import plan
 from gtpin.kinematics.kinematics import Kinematics
-from gtpin.kinematics.statics import rod_forces
+from gtpin.kinematics.posture import rod_forces
 
 NAMES = sorted(set(gtpin.robot_names()) - {"gantry_tau"})
 STATION = np.array([1.5, -7.0, 0.3])
