@@ -1,4 +1,6 @@
-"""Changes of the geometry itself since an earlier model, as a check names them: a link that was bent, set anew or exchanged.
+"""Changes of the geometry itself since an earlier model, as a check names them.
+
+A link was bent, set anew or exchanged; a track was moved or turned.
 
 In a diagnosis these are parameters of the geometry, which is fitted. A check holds the earlier geometry within its uncertainty,
 so that they are hypotheses there; the model that it returns has them in its geometry, and not as effects.
@@ -6,21 +8,64 @@ so that they are hypotheses there; the model that it returns has them in its geo
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
-from gtpin.effects.displacement import Displacement, of_lengths, rods_of
-from gtpin.effects.effect import Effect
+from gtpin.effects.displacement import Displacement
+from gtpin.effects.effect import Effect, Parameters
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.model.model import Model
 from gtpin.robot.chain import Chain
+from gtpin.robot.parameters import rotation_axes
+from gtpin.typing import Floats
 
-TYPICAL = 2e-4
-"""Typical change of a length, m. Assumed: a fifth of a tolerance, as a turn of a fine thread or a slight bend makes."""
+LENGTH, TURN = 2e-4, 2e-4
+"""Typical change of a length or position, m, and of a direction, rad. Assumed: a fifth of a tolerance, as a turn of a fine
+thread, a slight bend or a loosened screw makes."""
+Column = Mapping[str, float]
+"""What one coefficient changes: parameters of the geometry, each with the factor of its change."""
 
 
-class LengthChange(Effect):
+class GeometryChange(Effect):
+    """A change of some parameters of the geometry since the earlier model, the same at all poses."""
+
+    since_a_model = True
+    sizes: ClassVar[tuple[float, ...]]
+    """Typical size of each coefficient, m or rad."""
+
+    def __init__(self, model: Model) -> None:
+        """For the parts of a machine whose parameters a model has."""
+        known = set(model.geometry.names)
+        self.columns_by_site = {
+            site: columns
+            for site, columns in self.columns(model.robot).items()
+            if all(column.keys() <= known for column in columns)
+        }
+
+    def columns(self, robot: Chain) -> Mapping[str, Sequence[Column]]:
+        """What each coefficient changes, by site."""
+        raise NotImplementedError
+
+    def sites(self, robot: Chain) -> tuple[str, ...]:
+        """The parts whose parameters can change."""
+        return tuple(self.columns_by_site)
+
+    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
+        """The motions of the frames that the parameters move, one column for each coefficient."""
+        columns, moves = self.columns_by_site[site], at.kinematics.moves
+        factors = np.array([[column.get(name, 0.0) for column in columns] for name in at.kinematics.geometry.names])
+        placements = [
+            (frame, np.broadcast_to(twists @ factors[own], (len(at), 6, len(columns))))
+            for frame, own, twists in moves.frames
+            if factors[own].any()
+        ]
+        return Displacement(np.array(self.sizes[: len(columns)]), placements=tuple(placements))
+
+
+class LengthChange(GeometryChange):
     """dL = l; dL is the change of a rod's length, m, the same at all poses since the earlier model.
 
     Parameters: ``length`` l, m, positive where the rod is longer than before.
@@ -32,36 +77,74 @@ class LengthChange(Effect):
     remedy = "Inspect the link and its joints: it was bent, set anew, exchanged, or has slipped; use the updated model."
     coefficient = ("length", "m")
     depends_on = ("direction",)
-    since_a_model = True
+    sizes = (LENGTH,)
 
-    def __init__(self, model: Model) -> None:
-        """For the rods whose lengths are parameters of a model."""
-        names = {site: f"length[{site.removeprefix('link')}]" for site in model.robot.rod_sites}
-        self.parameters_by_site = {site: name for site, name in names.items() if name in model.geometry.names}
+    def columns(self, robot: Chain) -> Mapping[str, Sequence[Column]]:
+        """The length of each rod."""
+        return {site: ({f"length[{site.removeprefix('link')}]": 1.0},) for site in robot.rod_sites}
 
-    def sites(self, robot: Chain) -> tuple[str, ...]:
-        """The rods whose lengths are parameters."""
-        return tuple(self.parameters_by_site)
 
-    def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
-        """One length for all poses."""
-        return of_lengths(at, rods_of(at, site), np.ones((len(at), 1, 1)), np.array([TYPICAL]))
+class TrackChange(GeometryChange):
+    """dC = o_a a + o_b b + q t x v + r x (C - M); dC is the displacement of a cart's joints, m, since the earlier model.
+
+    q is the command, v the direction of the track, which turned by t = t_a a + t_b b; C are the cart's joints and M their mean
+    at command 0, base frame; the cart turned by r. a and b are the unit vectors about which the parameters
+    ``track_direction[cart].a`` and ``.b`` turn the track. What moves along the track is ``zero_shift``.
+
+    Parameters: ``turn_a`` t_a and ``turn_b`` t_b, rad; ``offset_a`` o_a and ``offset_b`` o_b, m, at command 0; ``pitch``,
+    ``yaw`` and ``roll``: r along a, b and v, rad, of carts with several joints.
+    """
+
+    id = "track_change"
+    title = "track that was moved or turned"
+    clause = "the track of {site} was moved or turned"
+    remedy = "Inspect the fixings of the track: a screw is loose or a support has moved; use the updated model."
+    coefficient = ("turn_a", "rad")
+    sizes = (TURN, TURN, LENGTH, LENGTH, TURN, TURN, TURN)
+
+    def columns(self, robot: Chain) -> Mapping[str, Sequence[Column]]:
+        """The direction of each track that carries rods, and the places of their joints."""
+        found = {}
+        for number in sorted({rod.carrier for rod in robot.rods if rod.carrier is not None}):
+            if robot.actuators[number].revolute:
+                continue
+            own, site = [rod for rod in robot.rods if rod.carrier == number], robot.sites[number]
+            lever = np.array([rod.C for rod in own]) - np.mean([rod.C for rod in own], axis=0)
+            axes = rotation_axes(robot.actuators[number].axis)
+            shifts = [np.tile(axis, (len(own), 1)) for axis in axes[:2]]
+            shifts += [np.cross(axis, lever) for axis in axes if len(own) > 1]
+            columns: list[Column] = [{f"track_direction[{site}].{axis}": 1.0} for axis in "ab"]
+            for shift in shifts:
+                moved = zip(own, shift, strict=True)
+                columns.append(
+                    {f"cart_joint[{rod.name}].{x}": d for rod, by in moved for x, d in zip("xyz", by, strict=True)}
+                )
+            found[site] = columns
+        return found
+
+    def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
+        """The angles and the displacements."""
+        names = ("turn_a", "turn_b", "offset_a", "offset_b", "pitch", "yaw", "roll")
+        values = zip(names, coefficients, strict=False)
+        return {name: (float(value), "m" if name.startswith("offset") else "rad") for name, value in values}
 
 
 def in_geometry(model: Model) -> Model:
-    """The model with its changes of lengths as values of the geometry, with their part of the uncertainty."""
+    """The model with its changes of geometry as values of the geometry, with their part of the uncertainty."""
     names, joint, p = list(model.geometry.names), model.joint_covariance, len(model.geometry.names)
     if joint is None:
         return model
     moved, values, kept, place = np.eye(len(joint)), model.geometry.values.copy(), np.ones(len(joint), dtype=bool), p
     for active in model.effects:
-        if isinstance(active.effect, LengthChange):
-            index = names.index(active.effect.parameters_by_site[active.site])
-            values[index] += active.coefficients[0]
-            moved[index, place], kept[place] = 1.0, False
+        if isinstance(active.effect, GeometryChange):
+            for own, column in enumerate(active.effect.columns_by_site[active.site], start=place):
+                kept[own] = False
+                for name, factor in column.items():
+                    values[names.index(name)] += factor * active.coefficients[own - place]
+                    moved[names.index(name), own] = factor
         place += len(active.coefficients)
     covariance = (moved @ joint @ moved.T)[np.ix_(kept, kept)]
-    effects = tuple(active for active in model.effects if not isinstance(active.effect, LengthChange))
+    effects = tuple(active for active in model.effects if not isinstance(active.effect, GeometryChange))
     return replace(
         model,
         geometry=model.geometry.with_values(values),

@@ -16,7 +16,7 @@ from gtpin.calibration.robust_fit import Progress
 from gtpin.calibration.thinning import thinned
 from gtpin.data import Dataset, by_region
 from gtpin.diagnosis.against import check
-from gtpin.diagnosis.changed_geometry import LengthChange
+from gtpin.diagnosis.changed_geometry import LengthChange, TrackChange
 from gtpin.diagnosis.doubts import (
     OF_LEFT_OUT_POSES,
     OF_THE_FIT,
@@ -224,7 +224,7 @@ def diagnose(
             if poses is not None:
                 trusted = thinned(trusted, earlier.geometry, poses)
             if effects is None:
-                known = (*known, LengthChange(earlier))
+                known = (*known, LengthChange(earlier), TrackChange(earlier))
             scope = Scope.of([one.as_change() for one in known], exclude, false_alarm, earlier.robot, priors)
             found = check(trusted, earlier, scope, seed, report)
     dataset = dataset if poses is None else replace(trusted, trusted=dataset.trusted)

@@ -68,3 +68,19 @@ def test_an_unchanged_machine_has_no_changed_length(seed: int):
     assert {c.site for c in found.candidates if c.effect == "length_change"} == {
         f"link{r}" for r in ("1", "2a", "2b", "3a", "3b", "3c")
     }
+
+
+@pytest.mark.parametrize(("seed", "cart", "axis", "by"), [(6, 2, "a", 5e-4), (7, 3, "b", -5e-4), (8, 2, "b", 4e-4)])
+def test_a_track_that_was_turned_is_in_the_class_with_its_angle(seed: int, cart: int, axis: str, by: float):
+    """The rods' joints move by the angle times the command; a track that is not straight can look like it."""
+    rng = np.random.default_rng(seed)
+    machine = draw(rng)
+    earlier = gtpin.calibrate(measured(machine, commands(rng, 120), rng)).model
+    now = replace(machine, gantry=machine.gantry.off({f"track_direction[cart{cart}].{axis}": by}))
+    found = gtpin.diagnose(measured(now, commands(rng, 24), rng), against=earlier)
+    (cause,) = found.causes
+    own = next(m for m in cause.members if (m.effect, m.site) == ("track_change", f"cart{cart}"))
+    assert max(m.probability for m in cause.members if m is not own) < 0.95
+    for name in ("turn_a", "turn_b"):
+        true = by if name.endswith(axis) else 0.0
+        assert abs(own.parameters[name].value - true) < 4.0 * own.parameters[name].sigma
