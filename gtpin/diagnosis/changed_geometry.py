@@ -19,14 +19,12 @@ from gtpin.effects.effect import Effect, Parameters
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.model.model import Model
 from gtpin.robot.chain import Chain
-from gtpin.robot.parameters import rotation_axes
+from gtpin.robot.parameters import Column, tracks_by_parameters
 from gtpin.typing import Floats
 
 LENGTH, TURN = 2e-4, 2e-4
 """Typical change of a length or position, m, and of a direction, rad. Assumed: a fifth of a tolerance, as a turn of a fine
 thread, a slight bend or a loosened screw makes."""
-Column = Mapping[str, float]
-"""What one coefficient changes: parameters of the geometry, each with the factor of its change."""
 
 
 class GeometryChange(Effect):
@@ -104,23 +102,7 @@ class TrackChange(GeometryChange):
 
     def columns(self, robot: Chain) -> Mapping[str, Sequence[Column]]:
         """The direction of each track that carries rods, and the places of their joints."""
-        found = {}
-        for number in sorted({rod.carrier for rod in robot.rods if rod.carrier is not None}):
-            if robot.actuators[number].revolute:
-                continue
-            own, site = [rod for rod in robot.rods if rod.carrier == number], robot.sites[number]
-            lever = np.array([rod.C for rod in own]) - np.mean([rod.C for rod in own], axis=0)
-            axes = rotation_axes(robot.actuators[number].axis)
-            shifts = [np.tile(axis, (len(own), 1)) for axis in axes[:2]]
-            shifts += [np.cross(axis, lever) for axis in axes if len(own) > 1]
-            columns: list[Column] = [{f"track_direction[{site}].{axis}": 1.0} for axis in "ab"]
-            for shift in shifts:
-                moved = zip(own, shift, strict=True)
-                columns.append(
-                    {f"cart_joint[{rod.name}].{x}": d for rod, by in moved for x, d in zip("xyz", by, strict=True)}
-                )
-            found[site] = columns
-        return found
+        return tracks_by_parameters(robot)
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         """The angles and the displacements."""

@@ -40,6 +40,8 @@ KINDS = (*TOLERANCE, *(f"{kind}_{axis}" for kind in JOINTS for axis in "xyz"))
 
 DIRECTIONS = ("track_direction", "arm_axis")
 """Kinds of parameters that turn the track or axis of an actuator."""
+Column = Mapping[str, float]
+"""What one number changes: parameters of the geometry, each with the factor of its change."""
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "a": 0, "b": 1, "c": 2, "": 0}
 """Index of a vector's component by the end of a parameter's name."""
 
@@ -221,4 +223,29 @@ def placement_parameters(robot: Chain, tolerances: Mapping[str, float], *, zeros
         ]
         if own:
             found[own[along]] = zero_of(robot, actuator, tolerances)
+    return found
+
+
+def tracks_by_parameters(robot: Chain) -> dict[str, list[Column]]:
+    """What moves a track that carries rods, and its cart, by the track's site: parameters, each with the factor of its change.
+
+    The track turns about its axes a and b (rad); the cart moves along a and b (m), and, where it has several joints, turns
+    about a, b and the track at the mean of its joints at command 0 (rad).
+    """
+    found: dict[str, list[Column]] = {}
+    for number in sorted({rod.carrier for rod in robot.rods if rod.carrier is not None}):
+        if robot.actuators[number].revolute:
+            continue
+        own, site = [rod for rod in robot.rods if rod.carrier == number], robot.sites[number]
+        lever = np.array([rod.C for rod in own]) - np.mean([rod.C for rod in own], axis=0)
+        axes = rotation_axes(robot.actuators[number].axis)
+        shifts = [np.tile(axis, (len(own), 1)) for axis in axes[:2]]
+        shifts += [np.cross(axis, lever) for axis in axes if len(own) > 1]
+        columns: list[Column] = [{f"track_direction[{site}].{axis}": 1.0} for axis in "ab"]
+        for way in shifts:
+            moved = zip(own, way, strict=True)
+            columns.append(
+                {f"cart_joint[{rod.name}].{x}": d for rod, by in moved for x, d in zip("xyz", by, strict=True)}
+            )
+        found[site] = columns
     return found
