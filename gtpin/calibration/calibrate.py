@@ -314,7 +314,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tra
     out = np.asarray(np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0], dtype=np.float64)
     readings, k, seen = problem.readings(point.x), len(problem.unit), settled.observability
     unseen = seen.directions[:, seen.variance_reduction < UNSEEN]
-    model = replace(point.model, covariance=covariance, unexplained=unexplained)
+    model = replace(point.model, covariance=covariance, unexplained=unexplained, doubt=settled.doubt)
     instrument = whole.instrument
     if tracked:
         conditions = FitConditions.of(settled.noise, settled.chi2, settled.dof, whole.covariates, unexplained)
@@ -347,7 +347,6 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tra
         unknowns=readings.unknowns,
         u=readings.u,
         u_covariance=final.covariance[p : p + k, p : p + k] * np.outer(problem.unit, problem.unit),
-        doubt=settled.doubt,
         remedies=remedies(settled.fit, unseen, geometry.robot.up),
     )
 

@@ -131,9 +131,6 @@ class Calibration(FitResult):
         (N,) ids of the poses of the rows of ``fit``.
     history
         All iterations, in order.
-    doubt
-        What else the data fit with a geometry much nearer to nominal, in words; empty where nothing is known. Otherwise these
-        parameters may all be wrong.
     paper_model
         Number of the paper's model 1 to 5 whose parameters these are; None for the default parameters.
     warnings
@@ -176,7 +173,6 @@ class Calibration(FitResult):
     u_covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     remedies: tuple[Remedy | None, ...] = ()
     history: tuple[Iteration, ...] = ()
-    doubt: str = ""
     paper_model: int | None = None
     warnings: tuple[str, ...] = ()
 

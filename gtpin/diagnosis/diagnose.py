@@ -323,13 +323,15 @@ def _diagnose(
 
     # 5. Plan what to measure next.
     report("what to measure next", 0, float("nan"))
+    places = [(one.site, one.coordinates) for one in remaining.correlates]  # the first one is in the headline
+    places += [(d.site, ",".join(d.over)) for d in found.doubts if d.over]
     known_now = Known(settled.observed, prepared.baseline.model, settled.references)
     by_class = classes(found, causes, hypotheses)
     experiments = plan(
         known_now,
         classes=by_class,
         untestable=hypotheses.untested,
-        unknown=next(((d.site, ",".join(d.over)) for d in found.doubts if d.over), None),
+        unknown=places[0] if any(d.over for d in found.doubts) else None,
         unseen_noise=any(d.reason == "excess" for d in found.doubts),
         rng=rng,
     )

@@ -14,7 +14,7 @@ from gtpin.export.urdf import changed_origins, side_file, with_anchors, with_tra
 from gtpin.export.writer import Export, TablesFor, Writer
 from gtpin.extensions import extension_names, extensions
 from gtpin.model.model import Model
-from gtpin.model.model_folder import calibrated_urdf
+from gtpin.model.model_folder import calibrated_urdf, in_doubt, said_first
 from gtpin.output.results import results_folder
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import RobotDescription
@@ -75,7 +75,10 @@ def export(
     made = writer.write(model, file, session, tables or TablesFor())
     with results_folder(file.parent, tuple(made.files), force=force, key=file.name, shown=file, alone=True) as folder:
         for name, text in made.files.items():
+            text = said_first(text, in_doubt(model)) if text.startswith("<") else text
             (folder / name).write_text(text, encoding="utf-8")
+    for note in in_doubt(model):
+        warn(f"{file.name} {note}")
     if made.left_out:
         lost = ", ".join(with_losses(model, made.left_out))
         more = f"; {', '.join(made.in_transmissions)}: as <transmission> only" if made.in_transmissions else ""

@@ -133,6 +133,9 @@ def with_zeros(geometry: Geometry, covariance: Floats) -> list[ParameterOrZero]:
     The prior covariances are those of the tolerances as declared (`declared_tolerance`): where a calibration widened some,
     a zero may explain what they were widened for. Without such a zero the posterior is that of the fit.
 
+    Of robots with loops but no rods, all zeros are added: where a drive carries a link, the place of the next joint across it
+    is the same motion as the drive's zero, so that a zero of some milliradians is within the tolerances of that joint.
+
     ``covariance``: C, (p, p). A parameter that is the rotation of a driven joint about its own axis is returned as its zero.
     """
     size, left = geometry.declared_tolerance, _zeros(geometry)
@@ -152,13 +155,18 @@ def with_zeros(geometry: Geometry, covariance: Floats) -> list[ParameterOrZero]:
             break
         chosen.append(left.pop(int(np.argmax(gains))))
         B = np.column_stack([B, ZERO * chosen[-1][2] / size])
-    prior = np.append(size, np.full(len(chosen), ZERO))
+    beyond = {name for name, _, _ in chosen}
+    own = size if beyond else geometry.tolerance
+    if geometry.robot.constraints and not geometry.robot.rod_sites:
+        chosen, left = [*chosen, *left], []
+        B = np.column_stack([np.diag(own / size), *(ZERO * way / size for _, _, way in chosen)])
+        S = np.linalg.inv(np.eye(B.shape[1]) + B.T @ H @ B)
+    prior = np.append(own, np.full(len(chosen), ZERO))
     mean, joint, every = prior * (S @ B.T @ b), np.outer(prior, prior) * S, np.eye(len(prior))
     if not chosen:  # nothing but the fit itself
         mean, joint = geometry.deviation, covariance
     rows = {p.name: (p.unit, every[k, : len(size)], every[k]) for k, p in enumerate(geometry.parameters)}
     rows |= {name: (unit, way, every[len(size) + k]) for k, (name, unit, way) in enumerate(chosen)}
-    beyond = {name for name, _, _ in chosen}
     for name, unit, way in (*chosen, *left):
         if np.count_nonzero(way) == 1:  # a joint's turn about its own axis is its zero: both together are one number
             k = int(np.flatnonzero(way)[0])

@@ -123,6 +123,9 @@ class Model:
         Noise and temperatures of the poses that the model was fitted to; None where they are not known.
     unexplained
         What the model left unexplained of the data that it was fitted to; None where it is not known.
+    doubt
+        What else the data of the fit agree with, with a geometry much nearer to nominal, in words: the parameters may all be
+        wrong. Empty where nothing is known.
 
     Examples
     --------
@@ -140,6 +143,7 @@ class Model:
     joint_covariance: Floats | None = None
     fit: FitConditions | None = None
     unexplained: ModelDiscrepancy | None = None
+    doubt: str = ""
 
     def __repr__(self) -> str:
         effects = ", ".join(active.name for active in self.effects) or "none"

@@ -71,6 +71,7 @@ class ModelFile(Record):
         "joint_covariance",
         "fit",
         "unexplained",
+        "doubt",
     )  # older versions do not know them
     schema_: Literal["gtpin-model/1"] = Field(alias="schema")
     robot: str
@@ -89,6 +90,7 @@ class ModelFile(Record):
     joint_covariance: list[list[Finite]] | None = None
     fit: FitRecord | None = None
     unexplained: UnexplainedRecord | None = None
+    doubt: str = ""
     base_in_instrument: FrameRecord | None
     effects: list[EffectRecord] = Field(default_factory=list)
     instruments: list[InstrumentRecord] = Field(default_factory=list)

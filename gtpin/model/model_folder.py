@@ -61,6 +61,18 @@ def calibrated_urdf(model: Model) -> str:
     return model.kinematics.urdf(model.targets)
 
 
+def in_doubt(model: Model) -> tuple[str, ...]:
+    """What to say first of a file that is made from a model whose geometry is in doubt; else none."""
+    return (f"has a geometry in doubt: {model.doubt}",) if model.doubt else ()
+
+
+def said_first(xml: str, notes: Iterable[str]) -> str:
+    """An XML document with a comment at its head for each note."""
+    declaration, end, body = xml.rpartition("?>\n")
+    comments = (f"<!-- {note.replace('--', '- -')} -->\n" for note in notes)
+    return "".join((declaration, end, *comments, body))
+
+
 def write_model(model: Model, folder: str | Path, *, force: bool = False) -> None:
     """Write ``model.json``, ``robot.urdf`` (the model's geometry) and ``nominal.urdf`` into a folder.
 
@@ -89,7 +101,7 @@ def write_model(model: Model, folder: str | Path, *, force: bool = False) -> Non
     except ValidationError as error:
         raise explained(error, file) from None
     _effects(content, model.geometry, file, {active.effect.id: active.effect for active in model.effects})
-    urdf = calibrated_urdf(model)
+    urdf = said_first(calibrated_urdf(model), in_doubt(model))
     with results_folder(folder, FILES, force=force, kind=ModelError) as new:
         (new / "model.json").write_text(_text(content), encoding="utf-8")
         (new / "robot.urdf").write_text(urdf, encoding="utf-8")
@@ -136,6 +148,7 @@ def _content(model: Model) -> ModelFile:
         joint_covariance=_listed(model.joint_covariance),
         fit=None if model.fit is None else FitRecord(**asdict(model.fit)),
         unexplained=None if model.unexplained is None else UnexplainedRecord(**asdict(model.unexplained)),
+        doubt=model.doubt,
         base_in_instrument=None if frame.is_base else FrameRecord(position=frame.T.tolist(), rotation=frame.R.tolist()),
         effects=[record(active) for active in model.effects],
         instruments=[
@@ -245,7 +258,7 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
     effects = _effects(content, geometry, file, own)
     fit = None if content.fit is None else FitConditions(**content.fit.model_dump())
     unexplained = None if content.unexplained is None else ModelDiscrepancy(**content.unexplained.model_dump())
-    return Model(geometry, frame, effects, covariance, instruments, joint, fit, unexplained)
+    return Model(geometry, frame, effects, covariance, instruments, joint, fit, unexplained, content.doubt)
 
 
 def _effects(content: ModelFile, geometry: Geometry, file: Path, own: Mapping[str, Effect]) -> tuple[ActiveEffect, ...]:

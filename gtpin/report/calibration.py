@@ -57,7 +57,7 @@ class CalibrationPresentation(FitPresentation):
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, and what to do."""
         c, q = self.calibration, self.dataset.q
-        found = () if c.doubt else departures(c.model, q)
+        found = () if c.model.doubt else departures(c.model, q)
         tone, badge, headline, advice = _verdict(c)
         return Lead(
             f"{self.title} · {len(c.names)} parameters from {c.poses} measurements",
@@ -109,8 +109,8 @@ class CalibrationPresentation(FitPresentation):
 
 def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
     """Tone, badge, headline and advice."""
-    if c.doubt:
-        return "warn", "geometry in doubt", IN_DOUBT, [f"{c.doubt[:1].upper()}{c.doubt[1:]}."]
+    if c.model.doubt:
+        return "warn", "geometry in doubt", IN_DOUBT, [f"{c.model.doubt[:1].upper()}{c.model.doubt[1:]}."]
     if c.worse:
         return "bad", "worse than nominal", f"{c.worse[0].upper()}{c.worse[1:]}.", []
     if not c.explained:

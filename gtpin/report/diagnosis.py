@@ -62,7 +62,7 @@ class DiagnosisPresentation(FitPresentation):
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, the causes, and what to do."""
         d = self.diagnosis
-        doubt = d.baseline.doubt
+        doubt = d.baseline.model.doubt
         said, found = verdict(d), () if doubt else departures_of(d)
         # Without a gap, a free motion of a part explains nothing.
         shares = () if d.verdict == "none" else (d.where.site, [c.site for c in d.causes])

@@ -18,6 +18,8 @@ from gtpin.robot.chain import Chain
 
 SURE = 0.95
 """Smallest probability of a certain cause."""
+PROBABLE = 0.75
+"""Probability of a cause from which the other members of its class are told as not excluded, not as equals. Assumed."""
 SHOWN, LINES = 4, 2
 """Numbers of a cause's parameters in the table of causes, and of periods, parameters of another member of a class, and lines
 of causes in a headline."""
@@ -307,13 +309,16 @@ def _line(found: Findings, cause: Cause, noun: str) -> str:
         how = "; ".join(filter(None, ("certain" if sure else f"probable, {chance(cause.probability)}", share)))
         said = f"{site_words(cause.site)}: {sized(found, cause, title(found, cause))} ({how})"
         return said if cause.site not in SITES else capital(said)
-    rest = alternatives(cause)
+    rest, probable = alternatives(cause), cause.probability >= PROBABLE
     second = " with ".join(cause_name(found, one) for one in rest[0])
     second += f" ({chance(sum(one.probability for one in rest[0]))})"
     if len(rest) > 1:
-        second = f"one of {len(rest)} others"
+        second = f"{'' if probable else 'one of '}{len(rest)} others"
     first = f"{cause_name(found, cause)} ({chance(cause.probability)})"
-    return f"{f'Open, {share}' if share else 'Open'}: {first} or {second}"
+    words = ", ".join(filter(None, ("Probable" if probable else "Open", share)))
+    if probable:
+        return f"{words}: {first}; not excluded: {second}"
+    return f"{words}: {first} or {second}"
 
 
 def badge(found: Findings) -> str:

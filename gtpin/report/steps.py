@@ -25,11 +25,16 @@ REPEAT = Step(
     "Find what changes between the visits: visit ten poses five times each, at rest, from both directions, and diagnose these "
     "poses with the others. An error that repeats is no noise."
 )
+SETTLE = Step(
+    "Measure where the target sits, write it into dataset.toml, and run the command again: until then, export nothing."
+)
 PROGRAM = "gtpin export DIR --commands program.csv -o corrected.csv"
 
 
 def steps(d: Diagnosis) -> list[Step]:
     """What to do after a diagnosis."""
+    if d.model.doubt:
+        return [SETTLE]
     few = [MEASURE] if too_few(d) else []
     if few and worse_than_nominal(d):
         return few
@@ -53,6 +58,8 @@ def steps(d: Diagnosis) -> list[Step]:
 
 def calibration_steps(c: Calibration) -> list[Step]:
     """What to do after a calibration."""
+    if c.model.doubt:
+        return [SETTLE]
     if c.explained and lost(c):
         return [MEASURE]
     cause = Step("The causes of the errors that are left:", "gtpin diagnose DATASET -o diagnosis")

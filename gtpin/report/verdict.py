@@ -14,6 +14,7 @@ from gtpin.diagnosis.trials import kind
 from gtpin.report.calibration_text import overruled, scatters, visits_over_declared
 from gtpin.report.page import Lead
 from gtpin.report.phrases import (
+    PROBABLE,
     ROUGH,
     badge,
     cause_lines,
@@ -185,8 +186,10 @@ def _ambiguous(d: Diagnosis) -> tuple[list[str], list[str]]:
     sure, _ = sure_and_doubtful(d.causes)
     lacking, (_, open_) = not_recorded(d), sure_and_doubtful(d.causes)
     if not lacking and any(len(cause.members) > 1 for cause in open_):
-        what = "These data can't decide between the members of a class: at these poses, the model predicts the same with each."
-        lacking = [what]
+        what = "can't decide between the members of a class"
+        if all(cause.probability >= PROBABLE for cause in open_):
+            what = "don't exclude the less probable members of a class"
+        lacking = [f"These data {what}: at these poses, the model predicts nearly the same with each."]
     elif not lacking:
         lacking = [
             "These data are too few to be sure of the cause: it, or something else, could leave the same errors."

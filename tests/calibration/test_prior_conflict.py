@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import re
 import tomllib
+import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
+import pandas as pd
 import pytest
 import tomli_w
 from scipy.spatial.transform import Rotation
@@ -15,6 +19,8 @@ from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, Gantry, Machine, c
 from virtual_instruments import Seen, read
 
 import gtpin
+from gtpin.export.export import export
+from gtpin.extras.controllers.program import corrected_commands
 from gtpin.output.shown import present
 
 TARGET = (0.02, -0.03, 0.06)
@@ -75,7 +81,7 @@ def test_a_rod_twelve_millimetres_too_long_is_geometry_alone(measure: Measure, s
     found = gtpin.diagnose(measure(machine, rng, tmp_path))
     assert found.verdict == "none"
     assert any("tolerances are widened" in text for text in found.warnings)
-    assert found.baseline.doubt == ""
+    assert found.baseline.model.doubt == ""
     assert abs(error(found.baseline, machine, "length[2b]")) < 4.0
 
 
@@ -87,7 +93,7 @@ def test_a_zero_that_is_off_is_admitted_in_all_joints_of_its_cart(measure: Measu
     machine = off(rng, zero, free=False)
     found = gtpin.calibrate(measure(machine, rng, tmp_path))
     assert any("zero of cart3" in text and "widened" in text for text in found.warnings)
-    assert found.doubt == ""
+    assert found.model.doubt == ""
     assert max(abs(error(found, machine, name)) for name in zero) < 4.0
 
 
@@ -128,6 +134,7 @@ def test_a_reflector_off_the_tcp_that_nobody_declared_is_said_first(
     first = present(found).lead
     assert (first.badge, first.tone) == ("geometry in doubt", "warn")
     assert first.content == []
+    assert not any("gtpin export" in step.command for step in first.steps)
     assert not any("zero of" in text or "tolerances from nominal" in text for text in found.warnings)
 
 
@@ -136,6 +143,7 @@ def test_a_diagnosis_of_an_undeclared_reflector_lists_no_parameters_as_found(tmp
     by_schema_2(off(rng, {}, free=False), rng, tmp_path, turning(rng))
     found = gtpin.diagnose(in_schema_1(tmp_path, None))
     assert "write target" in found.warnings[0]
+    assert found.model.doubt == found.baseline.model.doubt != ""
     first = present(found).lead
     assert first.headline.startswith("The geometry is in doubt")
     assert "write target" in first.advice[0]
@@ -151,3 +159,32 @@ def test_schema_1_takes_the_place_of_the_reflector(tmp_path: Path):
     assert first.warnings == second.warnings
     first.dataset.write(tmp_path / "again")
     assert gtpin.calibrate(gtpin.Dataset.read(tmp_path / "again")).values == pytest.approx(second.values, abs=1e-12)
+
+
+def test_what_is_made_from_a_geometry_in_doubt_says_so_first(tmp_path: Path):
+    rng = np.random.default_rng(11)
+    by_schema_2(off(rng, {}, free=False), rng, tmp_path, turning(rng), target=None)
+    found = gtpin.calibrate(in_schema_1(tmp_path, None))
+    found.save(tmp_path / "calibrated")
+    pd.DataFrame({"pose": ["a"], "q1": [0.1], "q2": [0.0], "q3": [0.1]}).to_csv(tmp_path / "commands.csv", index=False)
+    model = gtpin.read_model(tmp_path / "calibrated")
+
+    def said(write: Callable[[Path], object], name: str) -> str:
+        """The first warning, and the head of the file."""
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            write(tmp_path / name)
+        assert str(told[0].message).startswith(f"{name} has a geometry in doubt: the target does not look")
+        return "".join((tmp_path / name).read_text(encoding="utf-8").splitlines()[:2])
+
+    for name in ("r.urdf", "r.sdf", "r.xml"):
+        assert "in doubt" in said(partial(export, model), name)
+        ElementTree.parse(tmp_path / name)
+    said(partial(export, model), "r.yaml")
+    said(partial(export, model), "r.diff")
+    said(lambda file: corrected_commands(model, tmp_path / "commands.csv", None, file, force=False), "corrected.csv")
+    assert (
+        "in doubt" in (tmp_path / "calibrated" / "model" / "robot.urdf").read_text(encoding="utf-8").split("<robot")[0]
+    )
+    with pytest.raises(gtpin.GtpinError, match="in doubt, so it can't be certified"):
+        gtpin.certify(found.dataset, model)

@@ -322,4 +322,4 @@ def test_no_cause_has_less_than_5_percent_of_the_leader_of_its_class(seed: list[
 def test_a_base_that_rocks_is_no_target_that_sits_elsewhere(tmp_path: Path) -> None:
     """Case 1 of the sealed half: a free target gained likelihood, and was found where it is declared."""
     worlds.write_telescope(tmp_path, "case", ("base",), np.random.default_rng([8678121999058977263, 1, ord("t")]))
-    assert gtpin.calibrate(gtpin.Dataset.read(tmp_path / "case")).doubt == ""
+    assert gtpin.calibrate(gtpin.Dataset.read(tmp_path / "case")).model.doubt == ""

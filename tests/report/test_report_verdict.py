@@ -112,6 +112,19 @@ def test_what_can_not_be_distinguished_is_named_with_its_probabilities(findings)
     assert second[2] == "rms 12.34\u00a0±\u00a00.20\u00a0µm"
 
 
+def test_the_words_for_the_members_of_a_class_follow_their_probabilities(findings):
+    found = findings["ambiguous"]
+    (cause,) = found.causes
+    members = tuple(replace(m, probability=p) for m, p in zip(cause.members, (0.85, 0.1), strict=True))
+    likely = replace(found, causes=(replace(cause, probability=0.85, members=members),))
+    said = verdict(likely)
+    assert said.headline.replace("\u00a0", " ").endswith(
+        "of the gap: periodic drive error at cart2 (85 %); not excluded: smooth drive error at cart2 (10 %)."
+    )
+    assert said.headline.startswith("Probable, ")
+    assert "decide" not in " ".join(said.advice)
+
+
 def test_an_unknown_cause_says_what_moves_with_what_and_warns_of_names(findings):
     said = verdict(findings["unknown"])
     assert re.match(

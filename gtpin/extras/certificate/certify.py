@@ -95,6 +95,12 @@ def _certify(
     found = diagnose(dataset, seed=seed, progress=progress) if model is None else None
     used = found.model if found is not None else model
     assert used is not None
+    if used.doubt:
+        raise ModelError(
+            f"the geometry is in doubt, so it can't be certified: {used.doubt}",
+            file=dataset.toml,
+            column="instrument.target",
+        )
     rows = _rows(dataset, used, found)
     noise, free = _noise(dataset, used), dataset.instrument.frame == "free"
     held = HeldAgainst.of(used, rows, noise, align=free and found is None)

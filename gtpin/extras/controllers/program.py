@@ -14,6 +14,7 @@ from gtpin.export.loss import assumed_tool, um
 from gtpin.extras.controllers.machine_error import left_of_commands
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
+from gtpin.model.model_folder import in_doubt
 from gtpin.model.predict import predicted
 from gtpin.output.results import result_file
 from gtpin.typing import Mask
@@ -48,7 +49,7 @@ def corrected_commands(model: Model, commands: Path, controller: Model | None, o
         named = ", ".join(f"{given.pose[i]} (row {given.row[i]})" for i in np.flatnonzero(~met))
         kept = f"{(~met).sum()} of {len(met)} commands as they were, because their poses can't be reached: {named}"
         notes = (f"leaves {kept}{_off(model, given, meant, ~met)}", *notes)
-    for note in (*notes, *assumed_tool(model)):
+    for note in (*in_doubt(model), *notes, *assumed_tool(model)):
         warn(f"{output.name} {note}")
     return output
 
