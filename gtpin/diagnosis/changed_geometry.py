@@ -8,6 +8,7 @@ so that they are hypotheses there; the model that it returns has them in its geo
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import ClassVar
@@ -43,9 +44,9 @@ class GeometryChange(Effect):
             if all(column.keys() <= known for column in columns)
         }
 
+    @abstractmethod
     def columns(self, robot: Chain) -> Mapping[str, Sequence[Column]]:
         """What each coefficient changes, by site."""
-        raise NotImplementedError
 
     def sites(self, robot: Chain) -> tuple[str, ...]:
         """The parts whose parameters can change."""

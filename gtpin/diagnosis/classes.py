@@ -244,11 +244,13 @@ def _with_both(
 def with_shared_loads(hypotheses: HypothesisSet, model: Posterior[Term], classes: Classes) -> Classes:
     """The classes in which another mechanism may share the load of a cause: a column bends on a base that rocks.
 
-    Both together are compared with the cause alone, twice. With the second of the size that gains most: no machine follows an
-    equation exactly, so what the second gains may be the first's departure; the prior odds against it are bounded by
-    `imitation`, as those against what explains as much as the cause. And with the second of the size that it would have alone:
-    where the data leave open how much each of both does, this loses little, and all that carries the load gives way; only
-    Occam's factor is then against it, which does not grow with the evidence, and is divided by the smallest temperature.
+    Both together are compared with the cause alone, and the more favourable of two comparisons counts:
+
+    - With the second of the size that gains most. No machine follows an equation exactly, so this gain may be the first's
+      departure; the prior odds against the second are bounded by `imitation`, as in the class of the cause.
+    - With the second of the size that it would have in the place of the cause. Where the data leave open how much each does,
+      little is lost. What is lost is Occam's factor, which does not grow with the evidence: the temperature is the smallest.
+
     The probability of both together is divided equally between them. A cause whose probability, alone and with the other, is
     0.5 or more keeps 0.5. Studies: tests/diagnosis/test_telescope.py, tests/diagnosis/test_two_in_series.py.
     """
@@ -256,15 +258,13 @@ def with_shared_loads(hypotheses: HypothesisSet, model: Posterior[Term], classes
     for cause, members in classes.items():
         alike = [h for h in hypotheses.linear if h.site == cause.site and h.effect.load == cause.effect.load]
         for other in [h for h in alike if cause.effect.load and h not in model.terms]:
-            gain = hypotheses.gains(model, [other])[other].value
-            rest = without(hypotheses.groups, model, cause, sweeps=1)
+            rest, both = without(hypotheses.groups, model, cause, sweeps=1), (*model.terms, other)
             temperature = priors.temperature_of(model.log_evidence - rest.log_evidence)
-            costs = (sum(hypotheses.costs(terms).values()) for terms in ((*model.terms, other), model.terms))
-            against = (next(costs) - next(costs)) / temperature
-            scale = hypotheses.extended(rest, other).scale[-1]
-            shared = fixed(hypotheses.groups, (*model.terms, other), (*model.scale, scale))
-            open_ = min(shared.log_evidence - model.log_evidence, 0.0) / priors.temperature
-            ahead = max(gain / temperature - min(against, priors.imitation), open_)
+            gain = hypotheses.gains(model, [other])[other].value / temperature
+            against = (sum(hypotheses.costs(both).values()) - sum(hypotheses.costs(model.terms).values())) / temperature
+            instead = hypotheses.extended(rest, other).scale[-1]
+            shared = fixed(hypotheses.groups, both, (*model.scale, instead)).log_evidence - model.log_evidence
+            ahead = max(gain - min(against, priors.imitation), min(shared, 0.0) / priors.temperature)
             odds, leader = exp(min(ahead, MOST_ODDS)), own_probability(members, cause)
             whole = 1.0 + odds * leader
             each = odds * leader / whole / 2.0

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.effects.catalogue import effects_by_id
+from gtpin.typing import Floats
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "calibration"))
 from virtual_gantry import Machine, commands, draw, measured
@@ -84,3 +86,49 @@ def test_a_track_that_was_turned_is_in_the_class_with_its_angle(seed: int, cart:
     for name in ("turn_a", "turn_b"):
         true = by if name.endswith(axis) else 0.0
         assert abs(own.parameters[name].value - true) < 4.0 * own.parameters[name].sigma
+
+
+@pytest.mark.parametrize("seed", [9, 10])
+def test_the_updated_geometry_has_a_track_that_was_turned(seed: int):
+    """Drive errors, which can look like it at these commands, are left out."""
+    rng = np.random.default_rng(seed)
+    machine = draw(rng)
+    earlier = gtpin.calibrate(measured(machine, commands(rng, 120), rng)).model
+    now = replace(machine, gantry=machine.gantry.off({"track_direction[cart2].a": 6e-4}))
+    alike = ["straightness", "linearity", "encoder_scale", "thermal_track", "cross_coupling"]
+    found = gtpin.diagnose(measured(now, commands(rng, 24), rng), against=earlier, exclude=alike)
+    assert [(cause.effect, cause.site) for cause in found.causes] == [("track_change", "cart2")]
+    assert found.model.effects == ()
+    test = commands(rng, 200)
+    truth = now.gantry.poses(test)[0]
+    errors = [np.sqrt(((one.predict(test).T - truth) ** 2).sum(axis=1).mean()) for one in (earlier, found.model)]
+    assert errors[1] < 0.4 * errors[0]
+
+
+@dataclass(frozen=True)
+class BentTrack(Machine):
+    """A machine one of whose tracks has a wave of 0.2 mm and one period along 1.2 m, in both directions across it."""
+
+    cart: int = 2
+
+    def seen(self, q: Floats) -> tuple[Floats, Rotation]:
+        """Row by row: the cart's joints are off by the wave at its command."""
+        joints = [
+            f"cart_joint[{rod}].{axis}" for rod in {2: ("2a", "2b"), 3: ("3a", "3b", "3c")}[self.cart] for axis in "yz"
+        ]
+        wave = 2e-4 * np.cos(2.0 * np.pi * q[:, self.cart - 1] / 1.2)
+        rows = [self.gantry.off(dict.fromkeys(joints, off)).poses(row[None]) for row, off in zip(q, wave, strict=True)]
+        T, R = (np.concatenate(part) for part in zip(*rows, strict=True))
+        return T, Rotation.from_matrix(R)
+
+
+@pytest.mark.parametrize(("seed", "cart"), [(11, 2), (12, 3)])
+def test_a_track_that_was_bent_is_told_as_not_straight(seed: int, cart: int):
+    rng = np.random.default_rng(seed)
+    machine = draw(rng)
+    earlier = gtpin.calibrate(measured(machine, commands(rng, 120), rng)).model
+    now = BentTrack(machine.gantry, machine.deviations, cart=cart)
+    found = gtpin.diagnose(measured(now, commands(rng, 40), rng), against=earlier)
+    (cause,) = found.causes
+    assert (cause.effect, cause.site) == ("straightness", f"cart{cart}")
+    assert all(member.effect != "track_change" for member in cause.members)
