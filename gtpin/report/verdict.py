@@ -189,7 +189,7 @@ def _ambiguous(d: Diagnosis) -> tuple[list[str], list[str]]:
         what = "can't decide between the members of a class"
         if all(cause.probability >= PROBABLE for cause in open_):
             what = "don't exclude the less probable members of a class"
-        lacking = [f"These data {what}: at these poses, the model predicts nearly the same with each."]
+        lacking = [f"These data {what}."]
     elif not lacking:
         lacking = [
             "These data are too few to be sure of the cause: it, or something else, could leave the same errors."

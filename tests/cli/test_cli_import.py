@@ -203,6 +203,19 @@ def test_commands_in_radians_that_are_called_degrees_are_refused(tmp_path: Path)
     assert "look like radians; leave out --angle deg" in refused(tmp_path, "import", "points", *arguments)
 
 
+@pytest.mark.parametrize(("target", "told"), [("free", False), ("tcp", True)])
+def test_the_target_is_said_to_be_at_the_tcp_only_where_it_is_taken_to_be(
+    target: str, told: bool, tmp_path: Path
+) -> None:
+    (tmp_path / "points.csv").write_text(
+        "p1,100,200,300,0.1,0,0,0,0,0\np2,100,210,300,0.2,0,0,0,0,0\n", encoding="utf-8"
+    )
+    words = f"import points {tmp_path / 'points.csv'} --separator comma --unit mm --angle rad --robot ur10 --target {target}"
+    said = called(*words.split(), "--columns=pose,x,y,z,q1,q2,q3,q4,q5,q6", "-o", tmp_path / "m")
+    assert said.code == 0, said.err
+    assert ("taken to be at the robot's TCP" in said.out) == told
+
+
 def test_sessions_are_ids_and_a_tracker_that_stood_elsewhere_in_each_is_written_so(tmp_path: Path) -> None:
     (tmp_path / "points.csv").write_text(
         "p1,100,200,300,0.1,0,0,0,0,0,day one\np2,100,210,300,0.2,0,0,0,0,0,2.0\n", encoding="utf-8"

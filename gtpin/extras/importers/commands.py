@@ -150,7 +150,8 @@ def _write_poses(
 ) -> None:
     replace(dataset, robot=seen_from(robot, output)).write(output, force=force)
     assumed = "\nThe target is taken to be at the robot's TCP: if it sits elsewhere, move the TCP of the URDF there."
-    at_tcp = all(table.model_dump()["target"] in (None, "tcp") for table in dataset.readings.tables)
+    targets = [dataset.instrument.target, *(table.model_dump()["target"] for table in dataset.readings.tables)]
+    at_tcp = all(target in (None, "tcp") for target in targets)
     _tell_written(len(dataset), "measured poses", robot, output, as_json, assumed if at_tcp else "")
 
 
