@@ -67,9 +67,9 @@ def in_doubt(model: Model) -> tuple[str, ...]:
 
 
 def said_first(xml: str, notes: Iterable[str]) -> str:
-    """An XML document with a comment at its head for each note."""
+    """An XML document with a comment at its head for each note, which says what this file has."""
     declaration, end, body = xml.rpartition("?>\n")
-    comments = (f"<!-- {note.replace('--', '- -')} -->\n" for note in notes)
+    comments = (f"<!-- this file {note.replace('--', '- -')} -->\n" for note in notes)
     return "".join((declaration, end, *comments, body))
 
 

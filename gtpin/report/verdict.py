@@ -149,6 +149,8 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
             f"The calibrated geometry explains the readings of {read}{noise}. Positions can still be wrong: gtpin calibrate "
             "lists what these data do not determine."
         )
+    elif d.model.doubt:
+        use = ""
     elif supposed:
         use = (
             "If this is the noise of the instrument and of the machine, no compensation beside the geometry is needed."

@@ -188,3 +188,6 @@ def test_what_is_made_from_a_geometry_in_doubt_says_so_first(tmp_path: Path):
     )
     with pytest.raises(gtpin.GtpinError, match="in doubt, so it can't be certified"):
         gtpin.certify(found.dataset, model)
+    words = gtpin.diagnose(found.dataset).summary()
+    assert "in doubt" in words
+    assert "is enough" not in words
