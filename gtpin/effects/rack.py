@@ -105,11 +105,12 @@ class RackPeriodic(Effect):
     def ends(self, robot: Chain, site: str, references: References, value: float, sigma: float) -> tuple[float, float]:
         """Of a period that the fit has seen less than twice: at least half a period more or less in the same range, up to one
         period a turn."""
-        lower, upper = (float(ends[robot.sites.index(site)]) for ends in references.commands)
-        if not turning_joint(robot, site) or (upper - lower) / value >= FEW_PERIODS:
-            return super().ends(robot, site, references, value, sigma)
-        more = max(sigma / value**2, APART / (upper - lower))
-        return 1.0 / (1.0 / value + more), max(1.0 / max(1.0 / value - more, 1.0 / TURN), value)
+        if turning_joint(robot, site):
+            lower, upper = (float(ends[robot.sites.index(site)]) for ends in references.commands)
+            if upper - lower < FEW_PERIODS * value:
+                more = max(sigma / value**2, APART / (upper - lower))
+                return 1.0 / (1.0 / value + more), max(1.0 / max(1.0 / value - more, 1.0 / TURN), value)
+        return super().ends(robot, site, references, value, sigma)
 
     def nature_of(self, lines: Sequence[tuple[float, float]]) -> Nature:
         """A profile where more than ``MOST_GEARS`` periods have no common gear: they describe a rough drive."""
