@@ -220,12 +220,16 @@ def cause(
 ) -> Cause:
     """A cause ``named`` in a conclusion, with its parameters from the fitted model. Its ``explained_fraction`` is 0 at first.
 
-    The others of its class have the parameters of a linear fit in its place.
+    The others of its class have the parameters of a linear fit in its place. Its own sigmas contain what its parameters
+    would be beside each that could act together with it.
     """
     active = next(e for e in model.effects if (e.effect.id, e.site) == hypothesis.place)
     own = next(m for m in found.classes[named] if m.hypothesis.place == hypothesis.place)
     linear = found.model if hypothesis == named else hypotheses.replaced(found.model, named, hypothesis)
     parameters = estimates(model.robot, active, _ends(hypotheses, linear, hypothesis, active.references))
+    beside = ((m.hypothesis, m.beside) for m in found.classes[named])
+    together = [one for one, first in beside if first is not None and first.place == hypothesis.place]
+    parameters = _or_beside(hypotheses, linear, hypothesis, parameters, together, active.references)
     members = []
     for contender, member in zip(found.classes[named], found.members(named), strict=True):
         other, values = contender.hypothesis, parameters
@@ -235,6 +239,23 @@ def cause(
         members.append(replace(member, parameters=values))
     share = shares(hypotheses.groups, found.model)[named]
     return Cause(*hypothesis.place, own.probability, tuple(members), parameters, 0.0, found.nature(hypothesis), share)
+
+
+def _or_beside(
+    hypotheses: HypothesisSet,
+    model: Posterior[Term],
+    own: Hypothesis,
+    alone: dict[str, Estimate],
+    together: Sequence[Hypothesis],
+    references: References,
+) -> dict[str, Estimate]:
+    """Parameters of a hypothesis with sigmas that contain those beside others: the largest of s_k^2 + (v_k - v)^2, with v_k and
+    s_k the value and the sigma beside one that could act ``together`` with it, and v the value alone."""
+    for other in together:
+        both = estimates_in(hypotheses, hypotheses.extended(model, other), own, references)
+        far = {n: float(np.hypot(both[n].sigma, both[n].value - e.value)) for n, e in alone.items()}
+        alone = {n: replace(e, sigma=max(e.sigma, far[n])) for n, e in alone.items()}
+    return alone
 
 
 def _in_its_place(

@@ -25,10 +25,10 @@ jump, and from which jumps are preferred to a polynomial with as many numbers. A
 def jump_times(dataset: Dataset, model: Model, used: Mask, site: str) -> tuple[float, ...]:
     """Times, s, at which the errors that a model leaves jump: of the travel of the actuator ``site``, else of positions.
 
-    Empty where they do not jump, or the poses have no time, a session already, or other instruments than one tracker. ``used``: (N,) rows that are
-    no gross errors.
+    Empty where they do not jump, or the poses have no time, a session already, or other instruments than one tracker.
+    ``used``: (N,) rows that are no gross errors.
     """
-    if "time" not in dataset.covariates or "session" in dataset.covariates or not dataset.readings.tracked:
+    if "time" not in dataset.covariates or "session" in dataset.covariates or dataset.readings.names:
         return ()
     predicted = model.predict(dataset.q, dataset.covariates)
     rows = used & predicted.reached
