@@ -11,7 +11,7 @@ import numpy as np
 
 from gtpin.diagnosis.evidence import Posterior, fixed, without
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
-from gtpin.diagnosis.priors import CLASS_SHARE, UNDECIDED
+from gtpin.diagnosis.priors import CLASS_SHARE, LIKELY
 from gtpin.diagnosis.search import Gain, HypothesisSet, causes, smooth_of, with_lines
 
 
@@ -272,7 +272,7 @@ def with_shared_loads(hypotheses: HypothesisSet, model: Posterior[Term], classes
                 continue
             known = _with_both(members, (cause, other), whole, each)
             own, second = known[cause.place], known[other.place]
-            lacking = max(min(UNDECIDED - own.probability, second.probability), 0.0)
+            lacking = max(min(LIKELY - own.probability, second.probability), 0.0)
             known[cause.place] = replace(own, probability=own.probability + lacking, beside=None)
             known[other.place] = replace(second, probability=second.probability - lacking)
             found[cause] = members = ordered(known.values(), cause)

@@ -26,7 +26,16 @@ from gtpin.diagnosis.doubts import (
     judged,
     questions,
 )
-from gtpin.diagnosis.gap import Place, blocks_of, check_hold_out, gaps, lost, unexplained, where, without_certainty
+from gtpin.diagnosis.gap import (
+    Place,
+    blocks_of,
+    capped_by_left_out_errors,
+    check_hold_out,
+    gaps,
+    lost,
+    unexplained,
+    where,
+)
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.joint_fit import cause, fit_together
 from gtpin.diagnosis.leaders import leaders, left_with
@@ -53,7 +62,7 @@ from gtpin.diagnosis.result import (
 )
 from gtpin.diagnosis.search import strongest_first
 from gtpin.diagnosis.trials import Known
-from gtpin.diagnosis.verdict import Conclusion, considered, infer, undecided, without_undecided
+from gtpin.diagnosis.verdict import Conclusion, considered, infer, undecided, with_also
 from gtpin.diagnosis.why import why_of
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.driver import InstrumentAxes, driver_effects
@@ -300,7 +309,7 @@ def _diagnose(
         return replace(whole, hold_out=which, blocks=len(blocks), sessions=sessions), less
 
     whole, less = gaps_by("region")
-    before = without_undecided(hypotheses, without_certainty(found, whole, less))
+    before = with_also(hypotheses, capped_by_left_out_errors(found, whole, less))
     left_out = FittedContext(prepared, settled, before, context.blocks, causes, gap=whole, shown=shown)
     found = judged(left_out, OF_LEFT_OUT_POSES).found
     sure = found.named_beside_unknown(hypotheses) if found.doubts else found
@@ -348,7 +357,7 @@ def _diagnose(
         causes=tuple(causes),
         also=undecided(hypotheses, found),
         candidates=considered(hypotheses, found, could_be),
-        where=where(hypotheses, found.alone, regions),
+        where=where(hypotheses, regions),
         gap=whole,
         noise_source=shown.source,
         noise_ratio=shown.ratio,

@@ -23,7 +23,7 @@ from gtpin.diagnosis.gap import leave_out
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
 from gtpin.diagnosis.noise import SearchState, ShownNoise, floor_of, left_over
 from gtpin.diagnosis.prepare import Prepared
-from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS, SURE, UNDECIDED, Priors
+from gtpin.diagnosis.priors import CLASS_SHARE, LIKELY, PRIORS, SURE, Priors
 from gtpin.diagnosis.result import Cause, Doubt, FlexibleFamily, Gap, Question
 from gtpin.diagnosis.search import HypothesisSet
 from gtpin.diagnosis.verdict import Conclusion, infer, size, weak
@@ -93,7 +93,7 @@ def flexible_families(context: Context) -> Conclusion | None:
     hypotheses, found = context.hypotheses, context.found
     families, doubts, mechanisms = [], [], set(found.mechanisms)
     for cause, members in found.classes.items():
-        if cause.effect.nature != "description" or members[0].probability < UNDECIDED:
+        if cause.effect.nature != "description" or members[0].probability < LIKELY:
             continue
         by_forms = _by_forms(hypotheses, found.whole(hypotheses), cause)
         if by_forms:

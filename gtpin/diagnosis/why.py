@@ -49,7 +49,7 @@ def why_of(
 
     # Alone.
     own = next(h for h in hypotheses.named if h.place == place)
-    alone = found.alone[own]
+    alone = hypotheses.gains(NOTHING, (own,))[own]
     single = hypotheses.extended(NOTHING, alone.term)
     parameters = estimates_in(hypotheses, single, causes(single)[0], context.settled.references)
 
