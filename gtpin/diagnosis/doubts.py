@@ -1,8 +1,9 @@
 """The doubts: each reason to assume something unknown, as a rule with its source.
 
 A rule takes what is known so far, and returns the conclusion with its doubt and the causes that remain, or None where there is
-no such doubt. `OF_THE_SEARCH`, `OF_THE_FIT` and `OF_LEFT_OUT_POSES` at the end list the rules in their order. Two doubts are no
-rules of this file: smooth terms that are needed, and a drive beyond noise (``verdict.py``).
+no such doubt. `OF_THE_SEARCH`, `OF_THE_FIT` and `OF_LEFT_OUT_POSES` at the end list the rules in their order. Not rules of this
+file: smooth terms that are needed and a drive beyond noise (``verdict.py``), a fit of the causes that does not converge
+(``diagnose.py``), and the chi-square of a check (``against.py``).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Every number that influences a verdict, with its source.
+"""Numbers that influence a verdict, with their sources; limits of a search or of a test are beside it.
 
 A source is one of three. *Derived*: from a formula that is given. *Measured*: a script of ``examples/`` measures it again.
 *Assumed*: a stated assumption. ``examples/diagnosis/priors.py`` halves and doubles the most important numbers, and measures

@@ -87,9 +87,9 @@ class Conclusion:
     def named_beside_unknown(self, hypotheses: HypothesisSet) -> Conclusion:
         """The conclusion with only the causes that stand beside something unknown, and with what is weak and undecided.
 
-        What is not sure may be a part of the unknown. A cause that gains less than it, and that a member of its class could
-        look like, may be no more than what that member leaves of the unknown. Of the others, the leader of a class is likely
-        where it has 0.5 or more.
+        A cause A that is not sure may be a part of the unknown. A cause B that gains less than A, and that looks like a member
+        of A's class, may be no more than what that member leaves of the unknown: it is not named either. Of causes that are
+        not named, the leader of a class is likely where it has 0.5 or more.
         """
         robot, model, groups = hypotheses.design.operating_points.robot, self.whole(hypotheses), hypotheses.groups
         loss = {cause: model.log_evidence - without(groups, model, cause).log_evidence for cause in self.classes}
