@@ -51,7 +51,7 @@ LEAST_FREEDOM = 1.0
 """Fewest degrees of freedom (measured numbers less the effective number of parameters) of a fit: with less, nothing could be
 said of its noise or its error."""
 ANNOUNCED_POSES = 100_000
-"""Number of poses from which on the expected memory and time are told first."""
+"""Number of poses from which on the expected memory and time are stated first."""
 TRIED, PASSES = 1_000, (2.0, 12.0)
 """Number of poses whose derivatives are computed to see how fast this machine is, and the fewest and most times that a
 calibration takes that for each pose. Measured: 2 where the geometry explains the data, 12 where it does not."""
@@ -196,7 +196,9 @@ def calibrate(
         if found.worse:
             warn(found.worse)
     dataset = dataset if poses is None else replace(data, trusted=dataset.trusted)
-    return replace(found, dataset=dataset, paper_model=model, warnings=dataset.told(texts), history=tuple(history))
+    return replace(
+        found, dataset=dataset, paper_model=model, warnings=dataset.all_warnings(texts), history=tuple(history)
+    )
 
 
 @in_one_thread

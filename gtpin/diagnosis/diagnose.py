@@ -237,7 +237,7 @@ def diagnose(
             scope = Scope.of([one.as_change() for one in known], exclude, false_alarm, earlier.robot, priors)
             found = check(trusted, earlier, scope, seed, report)
     dataset = dataset if poses is None else replace(trusted, trusted=dataset.trusted)
-    return replace(found, dataset=dataset, seed=seed, warnings=dataset.told(texts))
+    return replace(found, dataset=dataset, seed=seed, warnings=dataset.all_warnings(texts))
 
 
 def _diagnose(
@@ -344,11 +344,11 @@ def _diagnose(
         unseen_noise=any(d.reason == "excess" for d in found.doubts),
         rng=rng,
     )
-    told = None
+    why = None
     if place is not None:
         context = replace(context, found=found)
-        told = why_of(place, context, asked, known_now, by_class, experiments, generator(seed))
-        more = [told.experiment] if told.experiment is not None and told.experiment not in experiments else []
+        why = why_of(place, context, asked, known_now, by_class, experiments, generator(seed))
+        more = [why.experiment] if why.experiment is not None and why.experiment not in experiments else []
         experiments = (*experiments, *more)
     regions = by_region(searched, max(2, min(REGIONS, int(searched.visits.max()) + 1)))
     aside: Mask = ~np.isin(recorded.row, settled.kept.row)
@@ -373,7 +373,7 @@ def _diagnose(
         effects=scope.effects,
         doubts=found.doubts,
         dataset=recorded,
-        why=told,
+        why=why,
     )
 
 

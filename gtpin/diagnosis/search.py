@@ -186,7 +186,7 @@ class HypothesisSet:
         """Share of a stronger term's evidence that is the penalty of ``term`` beside it.
 
         The parts of a chain carry their loads in series, and all give way: no imitation is suspected where one does beside
-        another. With the share of ``related``, an arm's column and the bearing on it were told as a base that rocks.
+        another. With the share of ``related``, an arm's column and the bearing on it were named as a base that rocks.
         """
         robot, a, b = self.design.operating_points.robot, explained_by(term), explained_by(stronger)
         if robot.joint_sites and all(isinstance(one, Hypothesis) and one.effect.load for one in (a, b)):

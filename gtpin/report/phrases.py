@@ -17,7 +17,7 @@ from gtpin.report.words import SITES, capital, chance, joined, length, percent, 
 from gtpin.robot.chain import Chain
 
 PROBABLE = 0.75
-"""Probability of a cause from which the other members of its class are told as not excluded, not as equals. Assumed."""
+"""Probability of a cause from which the other members of its class are called not excluded, not as equals. Assumed."""
 SHOWN, LINES = 4, 2
 """Numbers of a cause's parameters in the table of causes, and of periods, parameters of another member of a class, and lines
 of causes in a headline."""
