@@ -228,9 +228,9 @@ class Effect(ABC):
         """
         return np.ones(len(values), dtype=bool)
 
-    def least_sigma(self, robot: Chain, site: str, references: References, value: float) -> float:
-        """Smallest standard deviation of a value of the nonlinear parameter that poses like those of the fit can give."""
-        return 0.0
+    def ends(self, robot: Chain, site: str, references: References, value: float, sigma: float) -> tuple[float, float]:
+        """Values of the nonlinear parameter one standard deviation below and above one with the sigma of a scan."""
+        return value - sigma, value + sigma
 
     def nature_of(self, lines: Sequence[tuple[float, float]]) -> Nature:
         """Its nature with some values of the nonlinear parameter, each with its standard deviation."""
