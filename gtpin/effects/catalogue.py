@@ -35,6 +35,7 @@ ORDER = [
     "tracker_drift",
     "frame_shift",
     "tracker_scale",
+    "measurement_delay",
     "target_offset",
     "target_drift",
     "target_shift",

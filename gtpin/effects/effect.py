@@ -152,6 +152,8 @@ class Effect(ABC):
     load: ClassVar[str] = ""
     """The load at its site under which what is there gives way. Mechanisms of one load at one site can share it: a base that
     rocks, and the column on it that bends. Empty where nothing gives way under a load."""
+    alike: ClassVar[bool] = False
+    """Whether all actuators of a machine often have it alike. Together they can then look like an effect of the frame."""
     stretches_frame: ClassVar[bool] = False
     """Whether it scales all measured positions by one factor. If so, the smooth nonparametric terms contain no such scaling."""
     exported_as: ClassVar[
