@@ -34,7 +34,10 @@ class MeasurementDelay(Effect):
     id = "measurement_delay"
     title = "late readings (or a target that lags)"
     clause = "the readings of {site} are late, or the target lags behind on a soft holder"
-    remedy = "Measure at rest, or correct the time stamps by the delay; mount the target stiffly."
+    remedy = (
+        "Compare the delay with the drives' own following errors; measure at rest, or correct the time stamps by the delay; "
+        "mount the target stiffly."
+    )
     coefficient = ("delay", "s")
     acts_at = staticmethod(lambda _: ("frame",))
     between_visits = True

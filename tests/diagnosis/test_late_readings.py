@@ -51,6 +51,10 @@ def test_late_readings_are_in_one_class_with_equal_lags_of_all_drives(seed):
     assert abs(told.value - 2e-3) < 4.0 * told.sigma < 4e-4
 
 
+def test_no_poses_are_proposed_to_distinguish_late_readings_from_equal_lags():
+    assert [one for one in late(0).next_experiment if one.kind == "discriminate"] == []
+
+
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_target_that_lags_on_a_soft_holder_is_no_lag_of_the_drives(seed):
     found = diagnosed(seed, tool=dragged)
