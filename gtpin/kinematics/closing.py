@@ -297,38 +297,35 @@ class LoopClosure:
         ``here``: (N) postures to start from, with ``equations`` where they are known; both stay as they are.
         """
         n = len(here)
-        closed, steps, last = np.zeros(n, dtype=bool), np.zeros(n, dtype=int), np.full(n, np.inf)
-        whole = start = here
+        closed, lost, steps, last = np.zeros(n, bool), np.zeros(n, bool), np.zeros(n, int), np.full(n, np.inf)
         equations = self.equations(here) if equations is None else equations
-        rows, D = np.arange(n), equations.D.copy()
+        whole, rows, D = here, np.arange(n), equations.D.copy()
         for number in range(MAX_STEPS + 1):
-            done = self.gap(here, equations) <= ROUNDING * self.size
-            closed[rows[done]] = True
+            shut = ~lost & (self.gap(here, equations) <= ROUNDING * self.size)
+            closed[rows[shut]] = True
+            done = shut | lost
             if done.all() or number == MAX_STEPS:
                 break
-            if number and 2 * done.sum() > len(done):  # fewer copies than at each row that closes
+            if number and 2 * done.sum() > len(done):  # fewer copies than at each row that is done
+                if len(rows) < n:
+                    whole.put(rows, here)
                 left = np.flatnonzero(~done)
-                rows, last, done, here = rows[left], last[left], done[left], here.take(left)
+                rows, last, lost, done, here = rows[left], last[left], lost[left], done[left], here.take(left)
                 equations = None if equations is None else equations.take(left)
             equations = self.equations(here) if equations is None else equations
             D[rows] = equations.D
             V = self.step(here, equations)
-            V[done] = 0.0
             size = np.sqrt(np.einsum("ni,ni->n", V, V))
-            good = (size <= TINY) | (size <= contraction * last)
-            if not good.all():
-                rows, V, size, done, here = rows[good], V[good], size[good], done[good], here.take(good)
-                if not rows.size:
-                    break
+            lost |= ~done & ~((size <= TINY) | (size <= contraction * last))
+            V[done | lost] = 0.0
             last = size
-            steps[rows[~done]] += 1
+            steps[rows[~(done | lost)]] += 1
             here = self.at(copies(self.robot).integrate(here.X, V), placed.take(rows) if len(rows) < n else placed)
             equations = self.equations(here) if self._in_plane else None
             if len(rows) == n:
                 whole = here
-            else:
-                whole = whole.copy() if whole is start else whole
-                whole.put(rows, here)
+        if len(rows) < n:
+            whole.put(rows, here)
         return Closed(whole, closed, steps, D)
 
     def determinant(self, D: Floats) -> Floats:

@@ -295,9 +295,9 @@ class Kinematics:
         loops, home, travel = self.loops, self.travel(self.robot.home_q[None]), self.travel(q)
         X, s = guess(travel)
         begin = self.robot.with_commands(X, np.where(s[:, None] == 1.0, travel, home + s[:, None] * (travel - home)))
-        closing = loops.newton(loops.at(begin, placed), placed)
+        closing = loops.newton(loops.at(begin, placed), placed, contraction=1.0)
         off = np.abs(closing.here.X - begin).max(axis=1)
-        right = closing.closed & (off <= TRUSTED) & (self._regularity(closing.D) >= guess.margin)
+        right = closing.closed & (off <= TRUSTED) & (self._regularity(closing.D) >= DOUBTFUL**-2)
         return closing.here, np.where(right, s, 0.0)
 
     def _from_home(self, q: Floats, placed: PlacedParts, X: Floats, s: Floats) -> tuple[Here, Mask]:
