@@ -81,10 +81,6 @@ class Here:
         """Some of the postures."""
         return Here(self.X[rows], self.J[rows], self.oMi[rows], self.p[..., rows], self.g[..., rows])
 
-    def copy(self) -> Here:
-        """The same in arrays of its own."""
-        return Here(*(x.copy() for x in (self.X, self.J, self.oMi, self.p, self.g)))
-
     def put(self, rows: Ints, some: Here) -> None:
         """Write some postures into these arrays."""
         self.X[rows], self.J[rows], self.oMi[rows] = some.X, some.J, some.oMi
@@ -150,18 +146,16 @@ class LoopClosure:
         self.S, self.tcp = self.signs[:, self.joint_of], self.moves_tcp[self.joint_of].astype(float)
         self.parents = [int(parent) for parent in model.parents]
         self.driven = np.array(robot.driven, dtype=int)
-        self.passive = np.arange(model.nv)[robot.passive]
         self.fold, self.follows = robot.fold, bool(robot.followers)
         self.private = self._private()
         self.reduced = len(self.private) > 0
-        self.solved = np.setdiff1d(self.passive, self.private)
+        self.solved = np.setdiff1d(robot.passive, self.private)
         self.kept = np.setdiff1d(np.arange(model.nv), self.private)
         self.rank = robot.rank - self.private.size
         local = np.zeros((0, 3))
         if not self.reduced and self.count:
-            parts = [np.eye(3) if axes is None else axes for axes in robot.plane_axes]
-            local = np.concatenate(parts)
-            self.loop_of = np.repeat(np.arange(self.count), [len(part) for part in parts])
+            local = np.concatenate(robot.closed_axes)
+            self.loop_of = np.repeat(np.arange(self.count), [len(axes) for axes in robot.closed_axes])
             turned = np.array([np.asarray(M.rotation) for _, M in robot.anchors[::2]])
             local = np.einsum("eij,ej->ei", turned[self.loop_of], local)
         else:
@@ -173,17 +167,18 @@ class LoopClosure:
         )
         self._local = local
         """(E, 3) direction of each equation in the frame of the joint that carries the loop's first anchor."""
-        self._in_plane = any(axes is not None for axes in robot.plane_axes)
+        self._in_plane = any(map(len, robot.planes))
 
     def _private(self) -> Ints:
         """(L, 2) the two passive velocities of each loop that move nothing else; (0, 2) unless all loops have two."""
         none, measured = np.zeros((0, 2), dtype=int), (*self.robot.measured_joints, *self.robot.measured_links)
         if not self.count or self.follows or self.robot.rank < self.robot.n_passive or measured:
             return none
-        used = self.S[:, self.passive] != 0.0
-        alone = (used.sum(axis=0) == 1) & (self.tcp[self.passive] == 0.0)
-        own = [self.passive[used[loop] & alone] for loop in range(self.count)]
-        if any(axes is not None for axes in self.robot.plane_axes) or any(len(two) != 2 for two in own):
+        passive = self.robot.passive
+        used = self.S[:, passive] != 0.0
+        alone = (used.sum(axis=0) == 1) & (self.tcp[passive] == 0.0)
+        own = [passive[used[loop] & alone] for loop in range(self.count)]
+        if any(map(len, self.robot.planes)) or any(len(two) != 2 for two in own):
             return none
         return np.array(own)
 
@@ -357,7 +352,8 @@ class LoopClosure:
         n = len(start)
         begin = np.zeros(n) if begin is None else begin
         done, stride, error, rate = begin.copy(), np.full(n, first), np.zeros(n), np.full(n, np.inf)
-        ends, rows, here = start.copy(), np.arange(n), start
+        rows, here = np.arange(n), start
+        ends = start.take(rows)
         its = self.equations(here)
         inverse = self.inverse(its.D)
         q = path(done, rows)[0]

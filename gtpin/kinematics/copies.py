@@ -75,23 +75,12 @@ class Copies:
             return self._one.joints(X, placements)
         oMi, J = np.empty((n, self.count + 1, SE3_SIZE)), np.empty((n, self.nv, 6))
         oMi[:, 0] = IDENTITY
-        each = placements is not None and placements.ndim == 3
-        if not each:
-            self._place(placements, slice(0), 0)
-        model, data, K, flat, call = self.model, self.data, self.K, self._X.reshape(-1), pin.computeJointJacobians
-        joints = oMi[:, 1:]
-        for a in range(0, n - K + 1, K):
-            if each:
-                self._place(placements, slice(a, a + K), K)
-            self._X[:] = X[a : a + K]
-            call(model, data, flat)
-            joints[a : a + K], J[a : a + K] = self._oMi, self._J
-        if k := n % K:
-            if each:
-                self._place(placements, slice(n - k, n), k)
-            self._X[:k] = X[n - k :]
-            call(model, data, flat)
-            joints[n - k :], J[n - k :] = self._oMi[:k], self._J[:k]
+        flat, joints = self._X.reshape(-1), oMi[:, 1:]
+        for rows, k in self._calls(n):
+            self._place(placements, rows, k)
+            self._X[:k] = X[rows]
+            pin.computeJointJacobians(self.model, self.data, flat)
+            joints[rows], J[rows] = self._oMi[:k], self._J[:k]
         return oMi, J
 
     def integrate(self, X: Floats, V: Floats) -> Floats:

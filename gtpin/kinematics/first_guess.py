@@ -94,12 +94,12 @@ def nodes(robot: Chain) -> tuple[Ints, Floats] | None:
 
 def _terms(x: Floats, exponents: Ints) -> Floats:
     """(terms, N) products of powers of scaled commands (N, n): each is an earlier one times one command."""
-    one = np.eye(x.shape[1], dtype=int)[(exponents[1:] > 0).argmax(axis=1)]
     place = {tuple(e): i for i, e in enumerate(exponents.tolist())}
-    factors, terms = np.ascontiguousarray(x.T), np.empty((len(exponents), len(x)))
-    terms[0] = 1.0
-    for i, (earlier, factor) in enumerate(zip((exponents[1:] - one).tolist(), one.argmax(axis=1).tolist()), 1):
-        np.multiply(terms[place[tuple(earlier)]], factors[factor], out=terms[i])
+    first = (exponents > 0).argmax(axis=1)
+    earlier = (exponents - np.eye(x.shape[1], dtype=int)[first]).tolist()
+    factors, terms = np.ascontiguousarray(x.T), np.ones((len(exponents), len(x)))
+    for i, factor in enumerate(first[1:].tolist(), 1):
+        np.multiply(terms[place[tuple(earlier[i])]], factors[factor], out=terms[i])
     return terms
 
 

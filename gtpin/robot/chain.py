@@ -32,8 +32,8 @@ class MeasuredJoint:
     """A passive joint of one coordinate that is measured.
 
     - ``name``: its name in the URDF.
-    - ``joint_id``, ``index_q``: its index among Pinocchio's joints, and its first index in a configuration.
-    - ``passive``: its index among the passive coordinates.
+    - ``joint_id``, ``index_q``, ``index_v``: its index among Pinocchio's joints, and its first index in a configuration and in
+      a velocity.
     - ``turns``: whether its coordinate is an angle, rad, instead of a distance, m.
     - ``continuous``: whether Pinocchio keeps its coordinate as cosine and sine; then it is between -pi and pi.
     """
@@ -41,7 +41,7 @@ class MeasuredJoint:
     name: str
     joint_id: int
     index_q: int
-    passive: int
+    index_v: int
     turns: bool
     continuous: bool
 
@@ -53,11 +53,9 @@ class MeasuredJoint:
 
 def readable(robot: ConstrainedModel) -> tuple[str, ...]:
     """Names of the joints that can be measured: those of one coordinate that nothing but the loops moves."""
-    passive = set(_passive(robot))
     model = robot.model
-    return tuple(
-        model.names[j] for j in range(1, model.njoints) if model.nvs[j] == 1 and int(model.idx_vs[j]) in passive
-    )
+    joints = [j for j in range(1, model.njoints) if model.nvs[j] == 1]
+    return tuple(model.names[j] for j in joints if model.idx_vs[j] in robot.passive)
 
 
 def measured_joint(robot: ConstrainedModel, name: str) -> MeasuredJoint:
@@ -70,10 +68,8 @@ def measured_joint(robot: ConstrainedModel, name: str) -> MeasuredJoint:
     if name in known:
         joint_id = int(model.getJointId(name))
         turns = bool(joint_axis(model, joint_id)[3:].any())
-        passive = _passive(robot).index(int(model.idx_vs[joint_id]))
-        return MeasuredJoint(
-            name, joint_id, int(model.idx_qs[joint_id]), passive, turns, bool(model.nqs[joint_id] == 2)
-        )
+        index_q, index_v = int(model.idx_qs[joint_id]), int(model.idx_vs[joint_id])
+        return MeasuredJoint(name, joint_id, index_q, index_v, turns, bool(model.nqs[joint_id] == 2))
     listed = f"{', '.join(known[:SHOWN])}{' ...' if len(known) > SHOWN else ''}"
     hint = f"joints that can be read: {listed}" if known else "no joint of this robot is moved by its loops alone"
     raise RobotError(_why_not(robot, name), column="joint", hint=hint)
@@ -92,11 +88,6 @@ def _why_not(robot: ConstrainedModel, name: str) -> str:
     if model.existFrame(name, pin.FrameType.FIXED_JOINT):
         return f"joint {name} does not move: it is fixed, or no command and no loop moves it"
     return f"{robot.name} has no joint {name!r}"
-
-
-def _passive(robot: ConstrainedModel) -> list[int]:
-    """Velocity indices of the passive coordinates."""
-    return [int(v) for v in np.arange(robot.model.nv)[robot.passive]]
 
 
 @dataclass(frozen=True, eq=False)
