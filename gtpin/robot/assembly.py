@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from gtpin.errors import listed
 from gtpin.robot.constrained_model import POSTURES, ConstrainedModel, in_planes, joint_jacobian
 from gtpin.robot.description import LEVER
 from gtpin.typing import Floats
@@ -409,5 +410,4 @@ def _named(robot: ConstrainedModel, free: Floats) -> str:
         name = str(robot.model.names[by_velocity[first]])
         joints[name] = max(joints.get(name, 0.0), float(weight))
     named = sorted((name for name in joints if joints[name] >= NEGLIGIBLE), key=lambda name: -joints[name])
-    more = f" and {len(named) - NAMED} more" if len(named) > NAMED else ""
-    return ", ".join(f"{name} ({joints[name]:.2f})" for name in named[:NAMED]) + more
+    return listed([f"{name} ({joints[name]:.2f})" for name in named], NAMED)

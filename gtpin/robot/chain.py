@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 import pinocchio as pin
 
-from gtpin.errors import RobotError
+from gtpin.errors import RobotError, listed
 from gtpin.robot.assembly import Assembly, assemble
 from gtpin.robot.constrained_model import ConstrainedModel, joint_axis
 from gtpin.robot.description import RobotDescription
@@ -22,9 +22,6 @@ from gtpin.robot.placement_frames import frame_of_anchor, frame_of_joint, frame_
 from gtpin.robot.resting import with_actuators
 from gtpin.robot.rods import Rod, RodBody, rod_body, rods
 from gtpin.typing import Floats
-
-SHOWN = 12
-"""Largest number of joints that a hint lists."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +67,9 @@ def measured_joint(robot: ConstrainedModel, name: str) -> MeasuredJoint:
         turns = bool(joint_axis(model, joint_id)[3:].any())
         index_q, index_v = int(model.idx_qs[joint_id]), int(model.idx_vs[joint_id])
         return MeasuredJoint(name, joint_id, index_q, index_v, turns, bool(model.nqs[joint_id] == 2))
-    listed = f"{', '.join(known[:SHOWN])}{' ...' if len(known) > SHOWN else ''}"
-    hint = f"joints that can be read: {listed}" if known else "no joint of this robot is moved by its loops alone"
+    hint = (
+        f"joints that can be read: {listed(known)}" if known else "no joint of this robot is moved by its loops alone"
+    )
     raise RobotError(_why_not(robot, name), column="joint", hint=hint)
 
 
@@ -106,8 +104,7 @@ def measured_link(robot: ConstrainedModel, name: str) -> MeasuredLink:
         frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
         return MeasuredLink(name, int(frame.parentJoint), np.array(frame.placement.rotation))
     close = difflib.get_close_matches(name, robot.links, n=3)
-    listed = f"{', '.join(robot.links[:SHOWN])}{' ...' if len(robot.links) > SHOWN else ''}"
-    hint = f"did you mean {' or '.join(close)}?" if close else f"links are {listed}"
+    hint = f"did you mean {' or '.join(close)}?" if close else f"links are {listed(robot.links)}"
     raise RobotError(f"{robot.name} has no link {name!r}", column="link", hint=hint)
 
 

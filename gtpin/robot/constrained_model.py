@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.errors import RobotError, warn
+from gtpin.errors import RobotError, listed, warn
 from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
 from gtpin.robot.resting import followers, moving_model, neutral, put
 from gtpin.typing import Floats, Mask
@@ -198,16 +198,13 @@ class ConstrainedModel:
         self.passive = np.setdiff1d(np.arange(self.model.nv), driven + [led.index_v for led in self.followers])
         self.n_passive = len(self.passive)
         if tcp is not None and tcp not in self.links:
-            shown = f"{', '.join(self.links[:20])}{' ...' if len(self.links) > 20 else ''}"
-            what, hint = f"{self.name} has no link {tcp!r}", f"links are {shown}"
+            what, hint = f"{self.name} has no link {tcp!r}", f"links are {listed(self.links)}"
             raise RobotError(what, file=description.source, column="tcp", hint=hint)
         self.tcp_frame = tcp or description.tcp or description.platform or description.tree.tip
         if tcp is None and description.tcp_guessed:
             others = [link for link in description.tree.ends if link != self.tcp_frame]
-            shown = f"{', '.join(others[:6])}{' ...' if len(others) > 6 else ''}"
-            warn(
-                f"{self.name} names no TCP: {self.tcp_frame} is taken, and there are also {shown}; name it (tcp, --tcp)"
-            )
+            what = f"{self.name} names no TCP: {self.tcp_frame} is taken, and there are also {listed(others, 6)}"
+            warn(f"{what}; name it (tcp, --tcp)")
         self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame, (0, 0, 0), (0, 0, 0)))
         self.load_placement = self.tcp_placement
         home = description.home.link if description.home else None
@@ -413,7 +410,8 @@ class ConstrainedModel:
     def _actuator(self, element: ActuatorElement) -> Actuator:
         model = self.model
         if not model.existJointName(element.joint):
-            raise self.description.error(f"no moving joint is called {element.joint}", self._known())
+            hint = f"moving joints are {listed(self.description.tree.moving)}"
+            raise self.description.error(f"no moving joint is called {element.joint}", hint)
         joint_id = int(model.getJointId(element.joint))
         if model.nvs[joint_id] != 1:
             raise self.description.error(
@@ -442,10 +440,6 @@ class ConstrainedModel:
             self.data.oMi[joint_id].translation.copy(),
             element.scale_unknown,
         )
-
-    def _known(self) -> str:
-        names = self.description.tree.moving
-        return f"moving joints are {', '.join(names[:12])}{' ...' if len(names) > 12 else ''}"
 
     def _placement(self, anchor: Anchor) -> tuple[int, Any]:
         if not self.model.existFrame(anchor.link, pin.FrameType.BODY):

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 import pinocchio as pin
 
-from gtpin.errors import RobotError, warn
+from gtpin.errors import RobotError, listed, warn
 from gtpin.robot.mjcf_values import JOINTS, MAIN, SHOWN, Masses, Part, Values, without_objects
 from gtpin.robot.tree import TOOL, Tree
 from gtpin.robot.urdf_elements import add_inertia, add_joint, exact_text, set_origin
@@ -216,7 +216,7 @@ class _UrdfWriter:
         self.masses.warn()
         lifted = [body.get("name", "a body") for body in root.iter("body") if body.get("gravcomp", "0").strip("0. ")]
         if lifted:
-            names = ", ".join(lifted[:SHOWN]) + (f" and {len(lifted) - SHOWN} more" if len(lifted) > SHOWN else "")
+            names = listed(lifted, SHOWN)
             warn(f"{self.values.source}: gravcomp is not read, gravity acts on the whole mass: bodies {names}")
         for name in sorted(self.named & self.bodies.keys() - {WORLD}):
             warn(
@@ -328,10 +328,8 @@ class _UrdfWriter:
             if by_gtpin and drive.get("gear", "1.0") != "1.0":
                 scaled.append(f"scale of {name}")
         if without := [*scaled, *(name for name in self.added if "_crank_" not in name)]:
-            names = ", ".join(without[:SHOWN]) + (f" and {len(without) - SHOWN} more" if len(without) > SHOWN else "")
-            warn(
-                f"{self.values.source}: the geometry is read without drive scales and effects: {names}; give the model's folder"
-            )
+            what = f"the geometry is read without drive scales and effects: {listed(without, SHOWN)}"
+            warn(f"{self.values.source}: {what}; give the model's folder")
 
     # ------------------------------------------------------------------------------------------------ equalities
 

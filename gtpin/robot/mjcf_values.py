@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.data.files import read_text
-from gtpin.errors import RobotError, warn
+from gtpin.errors import RobotError, listed, warn
 from gtpin.typing import Floats
 
 MAIN = "main"
@@ -316,9 +316,7 @@ class Masses:
     def warn(self) -> None:
         """Warn of what is not read, with the names of the bodies."""
         for what, names in self.unread.items():
-            names = list(dict.fromkeys(names))
-            more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-            warn(f"{self.values.source}: {what}: bodies {', '.join(names[:SHOWN])}{more}")
+            warn(f"{self.values.source}: {what}: bodies {listed(list(dict.fromkeys(names)), SHOWN)}")
 
     def _found(self, name: str, parts: Sequence[Part]) -> Any:
         """The inertia that ``<inertial>`` gives, or the sum of the geoms'."""

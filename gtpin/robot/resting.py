@@ -18,7 +18,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 import numpy as np
 import pinocchio as pin
 
-from gtpin.errors import RobotError
+from gtpin.errors import RobotError, listed
 from gtpin.robot.description import RobotDescription, parse_xml
 from gtpin.robot.far_frames import bring_near
 from gtpin.robot.tree import Mimic, Tree
@@ -82,8 +82,8 @@ def _check(description: RobotDescription, names: Sequence[str]) -> None:
         if name in follows:
             what, hint = f"{name} follows {follows[name]} by <mimic>", f"name {follows[name]} in its place"
         elif name not in moving:
-            known = ", ".join(moving[:12]) + (" ..." if len(moving) > 12 else "")
-            what, hint = f"{description.name} has no moving joint {name!r}", f"moving joints are {known or 'none'}"
+            what = f"{description.name} has no moving joint {name!r}"
+            hint = f"moving joints are {listed(moving) or 'none'}"
         elif name in names[:number]:
             what = f"{name} comes twice"
         if what:
