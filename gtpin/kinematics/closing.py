@@ -330,10 +330,9 @@ class LoopClosure:
         with np.errstate(invalid="ignore"):  # of postures that are NaN
             return np.asarray(np.linalg.det(D))
 
-    def amplification(self, inverse: Floats) -> Floats:
-        """(N,) Frobenius norms of inverses of D: motion by unit closure errors; infinite where D is singular."""
-        found = np.sqrt(np.einsum("nij,nij->n", inverse, inverse))
-        return np.where(np.isfinite(found), found, np.inf)
+    def amplification(self, D: Floats) -> Floats:
+        """(N,) motion by unit closure errors: Frobenius norms of the inverses of D; infinite where it is singular."""
+        return _norm(self.inverse(D))
 
     def follow(
         self, start: Here, path: Path, largest: float, first: float = 1.0, begin: Floats | None = None
@@ -373,7 +372,7 @@ class LoopClosure:
             left = _norm(self.step(there, ahead, None, inverses)[..., None])
             allowed = np.maximum(TINY, np.maximum(CONTRACTION * _norm(V[..., None]), CHANGE * error[rows]))
             excess = np.maximum(change / CHANGE, np.maximum(left / allowed, np.abs(V).max(axis=1) / FARTHEST))
-            ok = (excess <= 1.0) & (self.amplification(inverses) <= largest)
+            ok = (excess <= 1.0) & (_norm(inverses) <= largest)
             excess = np.maximum(excess, 1e-3)
             now = excess / stride[rows]
             growth = np.clip(now / rate[rows], 1.0, MOST_GROWTH)
@@ -405,7 +404,7 @@ class LoopClosure:
         closing = self.newton(here, path(done[rows], rows)[1], equations=its)
         change = _norm(inverse @ (closing.D - its.D))
         reached = np.zeros(n, dtype=bool)
-        reached[rows] = closing.closed & (change <= CHANGE) & (self.amplification(self.inverse(closing.D)) <= largest)
+        reached[rows] = closing.closed & (change <= CHANGE) & (self.amplification(closing.D) <= largest)
         ends.put(rows[reached[rows]], closing.here.take(reached[rows]))
         again = rows[~reached[rows]]
         if again.size and first > SHORTEST_FIRST:
@@ -417,5 +416,6 @@ class LoopClosure:
 
 
 def _norm(matrices: Floats) -> Floats:
+    """(N,) Frobenius norms; infinite where they are not finite."""
     found = np.sqrt(np.einsum("nij,nij->n", matrices, matrices))
     return np.where(np.isfinite(found), found, np.inf)

@@ -278,7 +278,7 @@ class Kinematics:
     @cached_property
     def _largest(self) -> float:
         loops = self.loops
-        return SINGULAR * float(loops.amplification(loops.inverse(loops.equations(self.at_home).D))[0])
+        return SINGULAR * float(loops.amplification(loops.equations(self.at_home).D)[0])
 
     def _first(self, q: Floats, placed: PlacedParts, near: Floats | None) -> tuple[Here, Mask]:
         """Postures at commands (N, n) closed at once from those ``near`` (N, nq), and whether they were reached."""
@@ -286,9 +286,8 @@ class Kinematics:
         if near is None:
             return loops.at(self._of_tree(travel), placed), np.ones(len(q), dtype=bool)
         closing = loops.newton(loops.at(self.robot.with_commands(near, travel), placed), placed)
-        amplification = loops.amplification(loops.inverse(closing.D))
-        sound = (self._regularity(closing.D) > 0.0) & (amplification <= self._largest * DOUBTFUL / SINGULAR)
-        return closing.here, closing.closed & sound
+        sound = loops.amplification(closing.D) <= self._largest * DOUBTFUL / SINGULAR
+        return closing.here, closing.closed & sound & (self._regularity(closing.D) > 0.0)
 
     def _guessed(self, q: Floats, placed: PlacedParts, guess: FirstGuess) -> tuple[Here, Floats]:
         """Postures closed from a guess, and how far they are on the straight lines from home to commands (N, n): 0 to 1."""

@@ -185,7 +185,7 @@ class ClosedPosture:
     def _give_up(self, kinematics: Kinematics, target: Floats, last: Here, done: float) -> None:
         loops = kinematics.loops
         here, home = (
-            float(loops.amplification(loops.inverse(loops.equations(x).D))[0]) for x in (last, kinematics.at_home)
+            float(loops.amplification(loops.equations(x).D)[0]) for x in (last, kinematics.at_home)
         )
         stopped = self.q + done * (target - self.q)
         where = (

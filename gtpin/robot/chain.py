@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import difflib
-import math
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,7 +18,7 @@ from gtpin.robot.assembly import Assembly, assemble
 from gtpin.robot.constrained_model import ConstrainedModel, joint_axis
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.placement_frames import frame_of_anchor, frame_of_joint, frame_of_tcp, shift
-from gtpin.robot.resting import with_actuators
+from gtpin.robot.resting import coordinates, with_actuators
 from gtpin.robot.rods import Rod, RodBody, rod_body, rods
 from gtpin.typing import Floats
 
@@ -217,12 +216,7 @@ class Chain(ConstrainedModel):
     @property
     def home_posture(self) -> dict[str, tuple[float, ...]]:
         """Coordinates of the nominal robot's joints at home, by name, as ``posture`` of a description has them."""
-        model, found = self.model, {}
-        for joint in range(1, model.njoints):
-            at, count = int(model.idx_qs[joint]), int(model.nqs[joint])
-            own = tuple(float(x) for x in self.assembly.configuration[at : at + count])
-            found[str(model.names[joint])] = (math.atan2(own[1], own[0]),) if count == 2 else own
-        return found
+        return coordinates(self.model, self.assembly.configuration)
 
     @property
     def home_coordinates(self) -> dict[str, float]:

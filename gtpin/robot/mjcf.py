@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError, listed, warn
-from gtpin.robot.mjcf_values import JOINTS, MAIN, SHOWN, Masses, Part, Values, without_objects
+from gtpin.robot.mjcf_values import JOINTS, MAIN, SHOWN, Masses, Part, Values, parts_of_bodies, without_objects
 from gtpin.robot.tree import TOOL, Tree
 from gtpin.robot.urdf_elements import add_inertia, add_joint, exact_text, set_origin
 from gtpin.typing import Floats
@@ -112,15 +112,9 @@ def _counted(root: Element, values: Values) -> tuple[Mapping[Element, int], int]
     """The index of each joint's first coordinate in ``qpos``, and the length of this: joints of a body before its bodies."""
     places: dict[Element, int] = {}
     size = 0
-    waiting = [list(values.parts(world, MAIN)) for world in reversed(root.findall("worldbody"))]
-    while waiting:
-        parts = waiting.pop()
-        for joint in parts:
-            if joint.element.tag in JOINTS:
-                places[joint.element] = size
-                size += {"free": 7, "ball": 4}.get(_kind(joint, values), 1)
-        bodies = [part for part in parts if part.element.tag == "body"]
-        waiting += [list(values.parts(b.element, b.element.get("childclass", b.inherited))) for b in reversed(bodies)]
+    for joint in (part for parts in parts_of_bodies(root, values) for part in parts if part.element.tag in JOINTS):
+        places[joint.element] = size
+        size += {"free": 7, "ball": 4}.get(_kind(joint, values), 1)
     return places, size
 
 

@@ -255,6 +255,16 @@ def followers(model: Any, mimics: Sequence[Mimic]) -> tuple[Follower, ...]:
     return tuple(found)
 
 
+def coordinates(model: Any, configuration: Floats) -> dict[str, tuple[float, ...]]:
+    """The coordinates of each joint in a configuration (nq,), by its name; of a continuous joint its angle."""
+    found = {}
+    for joint in range(1, model.njoints):
+        at, count = int(model.idx_qs[joint]), int(model.nqs[joint])
+        own = tuple(float(x) for x in configuration[at : at + count])
+        found[str(model.names[joint])] = (math.atan2(own[1], own[0]),) if count == 2 else own
+    return found
+
+
 def put(configurations: Floats, index: int, values: Floats | float, continuous: bool) -> None:
     """Write a joint's coordinate into configurations (..., nq); of a continuous joint these have the cosine and sine."""
     if continuous:

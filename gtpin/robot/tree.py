@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from xml.etree.ElementTree import Element
 
 from gtpin.errors import RobotError
+from gtpin.robot.urdf_elements import numbers_of
 
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints with one degree of freedom."""
@@ -98,11 +99,8 @@ class Tree:
 
 
 def _mimic(joint: str, element: Element, source: str) -> Mimic:
-    try:
-        numbers = [float(element.get(key, default)) for key, default in (("multiplier", "1"), ("offset", "0"))]
-    except ValueError:
-        numbers = [math.nan]
-    if not all(map(math.isfinite, numbers)):
+    numbers = numbers_of(f"{element.get('multiplier', '1')} {element.get('offset', '0')}")
+    if len(numbers) != 2 or not all(map(math.isfinite, numbers)):
         raise RobotError(f"<mimic> of joint {joint} has what is no number", file=source, hint="mend the <mimic>")
     return Mimic(joint, element.get("joint", ""), *numbers)
 
