@@ -359,7 +359,7 @@ class LoopClosure:
         while rows.size:
             reach = np.minimum(1.0, done[rows] + stride[rows])
             goal, placed = path(reach, rows)
-            if placed.anchors.ndim == 3 or (placed.placements is not None and placed.placements.ndim == 3):
+            if placed.anchors.ndim == 3 or placed.placements.ndim == 3:
                 moved = self.at(here.X, placed)  # the parts move along the path too
                 V = self.step(moved, self.equations(moved), goal - q)
             else:

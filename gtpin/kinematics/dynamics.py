@@ -127,7 +127,6 @@ def _on_joints(
     robot = loops.robot
     model, n = robot.model, len(here)
     found = np.empty((n, model.njoints, 6))
-    placements = placed.of_joints(robot)
     for j in range(1, model.njoints):
         own = here.oMi[:, j]
         R = rotation(own)
@@ -137,7 +136,7 @@ def _on_joints(
         if loops.moves_tcp[j]:
             beyond = beyond + on_tool
         F, M = F + beyond[:, :3], M + beyond[:, 3:]
-        frame, T = times(here.oMi[:, int(model.parents[j])], placements[..., j - 1, :])
+        frame, T = times(here.oMi[:, int(model.parents[j])], placed.placements[..., j - 1, :])
         found[:, j - 1, :3] = np.einsum("nji,nj->ni", frame, F)
         found[:, j - 1, 3:] = np.einsum("nji,nj->ni", frame, M - np.cross(T, F))
     frame, T = times(here.oMi[:, robot.tcp_joint], placed.tcp)

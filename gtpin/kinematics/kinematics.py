@@ -227,7 +227,8 @@ class Kinematics:
         if not self.home.reached.all():
             raise ModelError(f"the loops of {self.robot.name} don't close at home", hint="check the geometry's values")
         home = self.home.T[0], self.home.R[0]
-        return to_urdf(self.geometry, self.placed.placements, self.placed.anchors, home, targets or {})
+        placements = None if self.geometry.is_nominal else self.placed.placements
+        return to_urdf(self.geometry, placements, self.placed.anchors, home, targets or {})
 
     # ------------------------------------------------------------------------------------------- closing
 

@@ -26,7 +26,7 @@ class FrameMotion:
     def __init__(self, loops: LoopClosure, here: Here, placed: PlacedParts) -> None:
         self._loops, self._placed, self._oMi = loops, placed, here.oMi
         robot, n = loops.robot, len(here)
-        self._J, self._placements = robot.model.njoints - 1, placed.of_joints(robot)
+        self._J, self._placements = robot.model.njoints - 1, placed.placements
         tcp = here.oMi[:, robot.tcp_joint]
         self._R_tcp, self._T_tcp = times(tcp, placed.tcp)
         self._supports = [set(robot.model.supports[link.joint_id]) for link in robot.measured_links]
