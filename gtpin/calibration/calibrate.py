@@ -51,7 +51,7 @@ LEAST_FREEDOM = 1.0
 """Fewest degrees of freedom (measured numbers less the effective number of parameters) of a fit: with less, nothing could be
 said of its noise or its error."""
 ANNOUNCED_POSES = 100_000
-"""Number of poses from which on the expected memory and time are told first."""
+"""Number of poses from which on the expected memory and time are stated first."""
 TRIED, PASSES = 1_000, (2.0, 12.0)
 """Number of poses whose derivatives are computed to see how fast this machine is, and the fewest and most times that a
 calibration takes that for each pose. Measured: 2 where the geometry explains the data, 12 where it does not."""
@@ -72,7 +72,6 @@ def calibrate(
     fix: Mapping[str, float] | None = None,
     free: Iterable[str] = (),
     bounds: Mapping[str, tuple[float, float]] | None = None,
-    kinematics: str | None = None,
     keep_effects: Iterable[ActiveEffect] = (),
     poses: int | None = None,
     trust_data: bool = False,
@@ -103,8 +102,6 @@ def calibrate(
     bounds
         By name, the smallest and largest possible value, m, rad or m/m. A parameter that the fit puts outside is held at that
         end, the farthest one first, and the others are fitted again.
-    kinematics
-        Deprecated, and not used: both former solvers gave the same result except for rounding.
     keep_effects
         Effects of an earlier model of the machine (``model.effects``), which stay as they are: the same machine with another
         tool or instrument. See :func:`~gtpin.calibration.kept_effects.with_kept_effects`.
@@ -148,8 +145,6 @@ def calibrate(
     """
     check_kind(dataset, Dataset)
     check_kind(robot, Chain, type(None))
-    if kinematics is not None:
-        warn("calibrate: kinematics is not used any more; leave it out", DeprecationWarning)
     if orientations and model is not None and model not in MEASURED:
         raise ModelError(
             f"model {model} has no measured tracks to turn", hint="use 2, 4 or 5, or leave orientations out"
@@ -201,7 +196,9 @@ def calibrate(
         if found.worse:
             warn(found.worse)
     dataset = dataset if poses is None else replace(data, trusted=dataset.trusted)
-    return replace(found, dataset=dataset, paper_model=model, warnings=dataset.told(texts), history=tuple(history))
+    return replace(
+        found, dataset=dataset, paper_model=model, warnings=dataset.all_warnings(texts), history=tuple(history)
+    )
 
 
 @in_one_thread

@@ -50,7 +50,7 @@ ENTRIES = 6
 MAXIMUM_CHANGE = 0.1
 """Relative change of noise and tolerances from one of these fits to the next, below which the maximum is found."""
 DEMANDED = 7.0
-"""Gain in log marginal likelihood, nats, from which tolerances are wider than given: as ``STRAINED`` of the strain's check."""
+"""Gain in log marginal likelihood, nats, from which tolerances are wider than given: as `CONFLICT` in `checks/limits.py`."""
 FAR_FROM_NOMINAL = 4.0
 """Deviation of a parameter in units of its given tolerance, which at least one has where tolerances are wider. Assumed: with
 less, the given tolerances lead to the same fit, and effects that the geometry lacks look the same."""

@@ -106,7 +106,7 @@ def compare(
                 lost = data.pose[~poses.reached][0]
                 raise UnreachableError(f"model {number} can't reach pose {lost}", file=data.file, hint="leave it out")
             held.append(Held.of(number, _as_read(data), poses))
-    return Comparison(tuple(held), seed, dataset, dataset.told(texts))
+    return Comparison(tuple(held), seed, dataset, dataset.all_warnings(texts))
 
 
 def _read(model: Model, data: Dataset) -> Poses:

@@ -216,7 +216,7 @@ class Dataset(Shown):
         if not self.readings.tracked:
             raise DatasetError(what, file=self.path, hint=hint)
 
-    def told(self, texts: Iterable[str]) -> tuple[str, ...]:
+    def all_warnings(self, texts: Iterable[str]) -> tuple[str, ...]:
         """Texts of its own warnings and of others, each once; files are named without the folder that holds the dataset."""
         folder = "" if self.path is None else f"{self.path}{os.sep}"
         return tuple(dict.fromkeys(text.replace(folder, "") if folder else text for text in (*self.warnings, *texts)))

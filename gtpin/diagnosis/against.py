@@ -236,7 +236,7 @@ def changes(earlier: Earlier, observed: Observed, scope: Scope) -> tuple[GainSam
 def check(dataset: Dataset, model: Model, scope: Scope, seed: int, progress: Progress) -> HealthCheck:
     """Find what has changed since a model was identified: :func:`gtpin.diagnose` with ``against=model``."""
     earlier, rng = Earlier(model), np.random.default_rng(seed)
-    data = usable(dataset, model)
+    data = usable(dataset, model, scope.priors)
     progress("simulating machines that have not changed", 0, float("nan"))
     tried = _without_gross(_Tried.of(earlier, data, scope, rng), earlier, scope, rng)
     progress("the smallest changes that these poses show", 0, float("nan"))
@@ -353,7 +353,7 @@ def _result(tried: _Tried, earlier: Earlier, scope: Scope, dataset: Dataset, rng
         verdict=found.verdict,
         causes=tuple(sorted(causes, key=lambda c: -c.explained_fraction)),
         candidates=considered(hypotheses, found),
-        where=where(hypotheses, found.alone, regions),
+        where=where(hypotheses, regions),
         gap=whole,
         unexplained=unexplained(hypotheses, found.model, False),
         doubts=found.doubts,

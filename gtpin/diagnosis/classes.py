@@ -11,7 +11,7 @@ import numpy as np
 
 from gtpin.diagnosis.evidence import Posterior, fixed, without
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
-from gtpin.diagnosis.priors import CLASS_SHARE, UNDECIDED
+from gtpin.diagnosis.priors import CLASS_SHARE, LIKELY
 from gtpin.diagnosis.search import Gain, HypothesisSet, causes, smooth_of, with_lines
 
 
@@ -64,7 +64,8 @@ def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis,
 
         p_h = o_h exp(g_h / T) / (sum of o_h exp(g_h / T) over all h, + exp(g_s / T)),
 
-    where o_h are prior odds relative to the cause, and g_s is the largest gain of a smooth term, less what is against it.
+    where o_h are prior odds relative to the cause, between exp(-imitation) and exp(imitation), and g_s is the largest gain of a
+    smooth term, less what is against it.
 
     A hypothesis that only a proxy shows is at most as probable as the most probable one that recorded covariates show.
     ``unlisted``: whether something acts that no effect describes. Then nothing is against the smooth terms that compete.
@@ -74,8 +75,8 @@ def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis,
     mine, priors = cause.template, hypotheses.priors
     temperature = priors.temperature_of(gains[mine].value)
 
-    # Costs differ because a hypothesis at the site of a stronger cause may be that cause's departure from its equation. It may
-    # be so; where it explains as much as the cause, it stays in the class, and the cause in its class.
+    # Costs differ because a hypothesis at the site of a stronger cause may be that cause's departure from its equation. This
+    # may be wrong: the difference is limited to `imitation`, so that what explains as much as the cause stays in the class.
     costs = {h: sum(hypotheses.costs((*rest.terms, h)).values()) for h in gains}
     log_odds = {
         h: gain.value / temperature
@@ -272,7 +273,7 @@ def with_shared_loads(hypotheses: HypothesisSet, model: Posterior[Term], classes
                 continue
             known = _with_both(members, (cause, other), whole, each)
             own, second = known[cause.place], known[other.place]
-            lacking = max(min(UNDECIDED - own.probability, second.probability), 0.0)
+            lacking = max(min(LIKELY - own.probability, second.probability), 0.0)
             known[cause.place] = replace(own, probability=own.probability + lacking, beside=None)
             known[other.place] = replace(second, probability=second.probability - lacking)
             found[cause] = members = ordered(known.values(), cause)

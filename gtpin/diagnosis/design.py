@@ -129,7 +129,7 @@ def _without_repeatability(noise: ReadingNoise, measured: Readings, model: Model
 class Design:
     """Whitened residuals of N rows with c numbers each, and their derivative by the unknowns.
 
-    - ``situation``: the poses at the geometry about which the problem is linearised.
+    - ``operating_points``: the poses at the geometry about which the problem is linearised.
     - ``whitening``: (N, c, c) whitening matrices of the rows.
     - ``model``: that geometry, and the instrument's frame.
     - ``y``: (N c,) whitened measured less predicted, with the effect of the fitted deviation of the geometry added: to

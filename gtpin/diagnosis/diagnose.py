@@ -26,7 +26,16 @@ from gtpin.diagnosis.doubts import (
     judged,
     questions,
 )
-from gtpin.diagnosis.gap import Place, blocks_of, check_hold_out, gaps, lost, unexplained, where, without_certainty
+from gtpin.diagnosis.gap import (
+    Place,
+    blocks_of,
+    capped_by_left_out_errors,
+    check_hold_out,
+    gaps,
+    lost,
+    unexplained,
+    where,
+)
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.joint_fit import cause, fit_together
 from gtpin.diagnosis.leaders import leaders, left_with
@@ -53,7 +62,7 @@ from gtpin.diagnosis.result import (
 )
 from gtpin.diagnosis.search import strongest_first
 from gtpin.diagnosis.trials import Known
-from gtpin.diagnosis.verdict import Conclusion, considered, infer, undecided, without_undecided
+from gtpin.diagnosis.verdict import Conclusion, considered, infer, undecided, with_also
 from gtpin.diagnosis.why import why_of
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.driver import InstrumentAxes, driver_effects
@@ -228,7 +237,7 @@ def diagnose(
             scope = Scope.of([one.as_change() for one in known], exclude, false_alarm, earlier.robot, priors)
             found = check(trusted, earlier, scope, seed, report)
     dataset = dataset if poses is None else replace(trusted, trusted=dataset.trusted)
-    return replace(found, dataset=dataset, seed=seed, warnings=dataset.told(texts))
+    return replace(found, dataset=dataset, seed=seed, warnings=dataset.all_warnings(texts))
 
 
 def _diagnose(
@@ -300,7 +309,7 @@ def _diagnose(
         return replace(whole, hold_out=which, blocks=len(blocks), sessions=sessions), less
 
     whole, less = gaps_by("region")
-    before = without_undecided(hypotheses, without_certainty(found, whole, less))
+    before = with_also(hypotheses, capped_by_left_out_errors(found, whole, less))
     left_out = FittedContext(prepared, settled, before, context.blocks, causes, gap=whole, shown=shown)
     found = judged(left_out, OF_LEFT_OUT_POSES).found
     sure = found.named_beside_unknown(hypotheses) if found.doubts else found
@@ -335,11 +344,11 @@ def _diagnose(
         unseen_noise=any(d.reason == "excess" for d in found.doubts),
         rng=rng,
     )
-    told = None
+    why = None
     if place is not None:
         context = replace(context, found=found)
-        told = why_of(place, context, asked, known_now, by_class, experiments, generator(seed))
-        more = [told.experiment] if told.experiment is not None and told.experiment not in experiments else []
+        why = why_of(place, context, asked, known_now, by_class, experiments, generator(seed))
+        more = [why.experiment] if why.experiment is not None and why.experiment not in experiments else []
         experiments = (*experiments, *more)
     regions = by_region(searched, max(2, min(REGIONS, int(searched.visits.max()) + 1)))
     aside: Mask = ~np.isin(recorded.row, settled.kept.row)
@@ -348,7 +357,7 @@ def _diagnose(
         causes=tuple(causes),
         also=undecided(hypotheses, found),
         candidates=considered(hypotheses, found, could_be),
-        where=where(hypotheses, found.alone, regions),
+        where=where(hypotheses, regions),
         gap=whole,
         noise_source=shown.source,
         noise_ratio=shown.ratio,
@@ -364,7 +373,7 @@ def _diagnose(
         effects=scope.effects,
         doubts=found.doubts,
         dataset=recorded,
-        why=told,
+        why=why,
     )
 
 

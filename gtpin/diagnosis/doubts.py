@@ -1,8 +1,9 @@
 """The doubts: each reason to assume something unknown, as a rule with its source.
 
 A rule takes what is known so far, and returns the conclusion with its doubt and the causes that remain, or None where there is
-no such doubt. `OF_THE_SEARCH`, `OF_THE_FIT` and `OF_LEFT_OUT_POSES` at the end list the rules in their order. Two doubts are no
-rules of this file: smooth terms that are needed, and a drive beyond noise (``verdict.py``).
+no such doubt. `OF_THE_SEARCH`, `OF_THE_FIT` and `OF_LEFT_OUT_POSES` at the end list the rules in their order. Not rules of this
+file: smooth terms that are needed and a drive beyond noise (``verdict.py``), a fit of the causes that does not converge
+(``diagnose.py``), and the chi-square of a check (``against.py``).
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from gtpin.diagnosis.gap import leave_out
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
 from gtpin.diagnosis.noise import SearchState, ShownNoise, floor_of, left_over
 from gtpin.diagnosis.prepare import Prepared
-from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS, SURE, UNDECIDED, Priors
+from gtpin.diagnosis.priors import CLASS_SHARE, LIKELY, PRIORS, SURE, Priors
 from gtpin.diagnosis.result import Cause, Doubt, FlexibleFamily, Gap, Question
 from gtpin.diagnosis.search import HypothesisSet
 from gtpin.diagnosis.verdict import Conclusion, infer, size, weak
@@ -93,7 +94,7 @@ def flexible_families(context: Context) -> Conclusion | None:
     hypotheses, found = context.hypotheses, context.found
     families, doubts, mechanisms = [], [], set(found.mechanisms)
     for cause, members in found.classes.items():
-        if cause.effect.nature != "description" or members[0].probability < UNDECIDED:
+        if cause.effect.nature != "description" or members[0].probability < LIKELY:
             continue
         by_forms = _by_forms(hypotheses, found.whole(hypotheses), cause)
         if by_forms:

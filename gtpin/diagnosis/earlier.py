@@ -19,7 +19,7 @@ from gtpin.data.duplicates import counted_once
 from gtpin.data.plausible import check_actuators, check_extremes, sane_rows
 from gtpin.diagnosis.design import Design, Observed
 from gtpin.diagnosis.hypothesis import Hypothesis
-from gtpin.diagnosis.priors import PRIORS
+from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.effects.active import ActiveEffect, lasts, with_effects
 from gtpin.effects.operating_points import Column, OperatingPoints
 from gtpin.effects.sites import turning_joint
@@ -231,7 +231,7 @@ def places(dataset: Dataset) -> npt.NDArray[np.int64]:
     return np.column_stack([dataset.readings.of, dataset.readings.line])
 
 
-def usable(dataset: Dataset, model: Model) -> Usable:
+def usable(dataset: Dataset, model: Model, priors: Priors = PRIORS) -> Usable:
     """The rows of a dataset that a check of a model can use: rows with impossible values are left out.
 
     Noise is the declared one, else that of the model's fit; that of the actuators is :func:`drives_of`. All sigmas are
@@ -247,12 +247,12 @@ def usable(dataset: Dataset, model: Model) -> Usable:
         kept, measured = _usable_readings(dataset, model)
         declared = np.array([np.nan if sigma is None else sigma for sigma in measured.declared])
         unknown = np.zeros(len(declared), dtype=bool)
-        noise = ReadingNoise(declared, measured.group, measured.row_sigma, unknown, drives_of(model))
+        noise = ReadingNoise(declared, measured.group, measured.row_sigma, unknown, drives_of(model, priors))
         if model.fit is not None:
             noise = noise.scaled(model.fit.misfit)
     else:
         kept, measured = _usable_poses(dataset, model)
-        own = _noise(dataset, model)
+        own = _noise(dataset, model, priors)
         lacking = [
             name for name in ("position_sigma", "orientation_sigma") if getattr(dataset.instrument, name) is None
         ]
@@ -319,26 +319,28 @@ def _check_count(dataset: Dataset, poses: int) -> None:
         )
 
 
-def _noise(dataset: Dataset, model: Model) -> Noise:
+def _noise(dataset: Dataset, model: Model, priors: Priors) -> Noise:
     """The noise of measured poses for :func:`usable`, also where it is known from residuals alone."""
     own = dataset.instrument
     if model.fit is not None:
-        return noise_of_fit(model, model.fit, own.position_sigma, own.orientation_sigma)
-    noise = known_noise(dataset, own.position_sigma, own.orientation_sigma, drives_of(model))
+        return noise_of_fit(model, model.fit, own.position_sigma, own.orientation_sigma, priors)
+    noise = known_noise(dataset, own.position_sigma, own.orientation_sigma, drives_of(model, priors))
     warn("the model states no noise of a fit: scatter of the drives is taken as the smallest; calibrate the robot")
     return noise
 
 
-def noise_of_fit(model: Model, fit: FitConditions, position: float | None = None, turns: float | None = None) -> Noise:
+def noise_of_fit(
+    model: Model, fit: FitConditions, position: float | None = None, turns: float | None = None, priors: Priors = PRIORS
+) -> Noise:
     """The noise that a check expects from that of the model's fit; ``position``, ``turns``: declared sigmas in their place."""
     position = fit.position_sigma if position is None else position
     turns = fit.orientation_sigma if turns is None else turns
-    return Noise(position, turns, drives_of(model)).scaled(fit.misfit)
+    return Noise(position, turns, drives_of(model, priors)).scaled(fit.misfit)
 
 
-def drives_of(model: Model) -> float:
+def drives_of(model: Model, priors: Priors) -> float:
     """Scatter of each actuator, m or rad, that a check expects: that of the model's fit, but at least the smallest one."""
-    least = PRIORS.least_scatter
+    least = priors.least_scatter
     if any(turning_joint(model.robot, site) for site in model.robot.sites):
         least /= RIM
     return least if model.fit is None else max(model.fit.drives, least)

@@ -12,9 +12,9 @@ import numpy.typing as npt
 from gtpin.calibration.left_out import LeftOutBlock
 from gtpin.data import Dataset, by_region, random
 from gtpin.diagnosis.design import Design
-from gtpin.diagnosis.evidence import Posterior, given, marginal_power
+from gtpin.diagnosis.evidence import NOTHING, Posterior, given, marginal_power
 from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term
-from gtpin.diagnosis.priors import UNDECIDED
+from gtpin.diagnosis.priors import UNLIKELY
 from gtpin.diagnosis.result import Correlate, Gap, HoldOut, InstrumentGap, Turns, Unexplained, Where
 from gtpin.diagnosis.search import Gain, HypothesisSet, causes
 from gtpin.diagnosis.smooth_terms import COMMON
@@ -319,8 +319,8 @@ def lost(whole: Gap, less: Gap) -> float:
     return float(np.clip((less.after**2 - whole.after**2) / max(whole.before**2 - whole.floor**2, 1e-300), -1.0, 1.0))
 
 
-def without_certainty(found: Conclusion, whole: Gap, less: Mapping[Place, Gap]) -> Conclusion:
-    """The conclusion, in which a cause without which the errors of left-out poses are no larger is at most as likely as not.
+def capped_by_left_out_errors(found: Conclusion, whole: Gap, less: Mapping[Place, Gap]) -> Conclusion:
+    """The conclusion, in which a cause without which the errors of left-out poses are no larger is not likely.
 
     Errors are compared by the product of those of positions and of measured orientations. ``whole``, ``less``: as :func:`gaps`
     returns them.
@@ -329,7 +329,7 @@ def without_certainty(found: Conclusion, whole: Gap, less: Mapping[Place, Gap]) 
     def size(of: Gap) -> float:
         return of.after if of.turns is None else of.after * of.turns.after
 
-    return found.bounded([c for c in found.classes if size(whole) >= size(less[c.place])], UNDECIDED)
+    return found.bounded([c for c in found.classes if size(whole) >= size(less[c.place])], UNLIKELY)
 
 
 def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[Mask]) -> Floats:
@@ -370,12 +370,9 @@ def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[M
     return found
 
 
-def where(hypotheses: HypothesisSet, alone: Mapping[Term, Gain], blocks: list[Mask]) -> Where:
-    """Divide the gap that the geometry alone leaves into shares.
-
-    ``alone``: gain in log evidence of each term as the only one. ``blocks``: (N,) masks of the poses of each region.
-    """
-    design = hypotheses.design
+def where(hypotheses: HypothesisSet, blocks: list[Mask]) -> Where:
+    """Divide the gap that the geometry alone leaves into shares; ``blocks``: (N,) masks of the poses of each region."""
+    design, alone = hypotheses.design, hypotheses.gains(NOTHING, hypotheses.every)
     residual = design.y - design.B @ hypotheses.groups.marginal.deviation(design.y)
     c = design.components
     whitened = residual.reshape(-1, c)
@@ -410,7 +407,7 @@ def _by_reading(readings: Readings, excess: Floats) -> dict[str, float]:
 
 
 def _sites(alone: Mapping[Term, Gain]) -> dict[str, float]:
-    """Shares of the largest gain at each site, by an effect or a smooth term; proxies and common motions are left out."""
+    """Shares of the largest gain at each site, by an effect or a smooth term; common motions are left out."""
     best: dict[str, float] = {}
     for term, gain in alone.items():
         if isinstance(term, Proxy) or (isinstance(term, SmoothTerm) and term.motion in COMMON):

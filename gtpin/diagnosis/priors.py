@@ -1,4 +1,4 @@
-"""Every number that influences a verdict, with its source.
+"""Numbers that influence a verdict, with their sources; limits of a search or of a test are beside it.
 
 A source is one of three. *Derived*: from a formula that is given. *Measured*: a script of ``examples/`` measures it again.
 *Assumed*: a stated assumption. ``examples/diagnosis/priors.py`` halves and doubles the most important numbers, and measures
@@ -12,8 +12,11 @@ from dataclasses import dataclass
 
 SURE = 0.95
 """Probability from which a cause is reported as sure. It is fixed, because it defines the verdicts."""
-UNDECIDED = 0.5
-"""Probability of a class's leader below which a weak cause is listed apart from the causes. It is fixed for the same reason."""
+LIKELY = 0.5
+"""Probability from which the leader of a class is likely: it can stand beside something unknown, and a weak cause is listed
+with the others. It is fixed for the same reason."""
+UNLIKELY = 0.49
+"""Largest probability of a cause without which the errors of left-out poses are no larger: below ``LIKELY``."""
 CLASS_SHARE = 0.05
 """Share of the leader's probability from which a hypothesis belongs to its class. It is fixed for the same reason."""
 

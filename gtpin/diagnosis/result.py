@@ -16,7 +16,7 @@ from gtpin.effects.operating_points import Column
 from gtpin.effects.untestable import Untestable
 from gtpin.errors import renamed
 from gtpin.estimate import Estimate
-from gtpin.model.fit_conditions import ModelDiscrepancy as LeftBefore
+from gtpin.model.fit_conditions import ModelDiscrepancy
 from gtpin.model.model import Model
 from gtpin.output.shown import FitResult, SavedResult, present
 from gtpin.robot.chain import Chain
@@ -765,6 +765,6 @@ class HealthCheck(Findings, SavedResult):
     power: float
     smallest: tuple[Smallest, ...]
     assumed: tuple[str, ...]
-    unexplained_before: LeftBefore
+    unexplained_before: ModelDiscrepancy
     noise_known: bool
     free_frame: bool

@@ -186,7 +186,7 @@ class HypothesisSet:
         """Share of a stronger term's evidence that is the penalty of ``term`` beside it.
 
         The parts of a chain carry their loads in series, and all give way: no imitation is suspected where one does beside
-        another. With the share of ``related``, an arm's column and the bearing on it were told as a base that rocks.
+        another. With the share of ``related``, an arm's column and the bearing on it were named as a base that rocks.
         """
         robot, a, b = self.design.operating_points.robot, explained_by(term), explained_by(stronger)
         if robot.joint_sites and all(isinstance(one, Hypothesis) and one.effect.load for one in (a, b)):
@@ -344,30 +344,28 @@ def rough_guess(hypotheses: HypothesisSet, before: Posterior[Term] = NOTHING) ->
     ``before``: an earlier such model, of these poses with another noise. A search of a robot without rods, whose models are
     long, starts from it.
     """
-    alone, start, known = hypotheses.gains(NOTHING, hypotheses.every), NOTHING, set(hypotheses.every)
+    start, known = NOTHING, set(hypotheses.every)
     terms = [term for term in before.terms if hypotheses.without_value(term) in known]
     if hypotheses.long and terms:
         start = _pruned(hypotheses, hypotheses.of(terms, [scales(before)[term] for term in terms]))
-    return search(hypotheses, hypotheses.every, alone, beginnings=1, start=start)
+    return search(hypotheses, hypotheses.every, beginnings=1, start=start)
 
 
 def search(
     hypotheses: HypothesisSet,
     terms: Sequence[Term],
-    alone: Mapping[Term, Gain],
     beginnings: int = BEAM,
     start: Posterior[Term] = NOTHING,
 ) -> Posterior[Term]:
     """The model of largest log posterior that was found, out of some terms.
 
-    ``terms``: the terms that the model can have. ``alone``: gain in log evidence of each as the only one.
-    ``beginnings``: number of first terms that are tried. ``start``: a model of these hypotheses that is extended first. If it
-    then has more than ``MOST_TERMS`` terms, no other first term is tried. At last an effect at all actuators is tried, where
-    this explains more than each term alone: actuators of one build have the same weakness, and the first step from one of them
-    can lead to a term that imitates all.
+    ``terms``: the terms that the model can have. ``beginnings``: number of first terms that are tried. ``start``: a model of
+    these hypotheses that is extended first; if it then has more than ``MOST_TERMS`` terms, no other first term is tried. At
+    last an effect at all actuators is tried, where this explains more than each term alone: actuators of one build have the
+    same weakness, and the first step from one of them can lead to a term that imitates all.
     """
     largest = MOST_TERMS + hypotheses.design.operating_points.robot.n_actuators if hypotheses.long else MOST_TERMS
-    terms = _with_room(hypotheses, NOTHING, terms)
+    alone, terms = hypotheses.gains(NOTHING, terms), _with_room(hypotheses, NOTHING, terms)
     order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))
     passed: dict[frozenset[tuple[Term, tuple[float, ...], float]], Posterior[Term]] = {}
     best: Posterior[Term] = _extend(hypotheses, start, terms, largest, passed) if start.terms else NOTHING

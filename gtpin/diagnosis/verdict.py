@@ -19,9 +19,9 @@ from gtpin.diagnosis.classes import (
 from gtpin.diagnosis.evidence import NOTHING, Posterior, fixed, marginal_power, tuned, without
 from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term, alike
 from gtpin.diagnosis.noise import SearchState, drive_beyond_noise, reestimate_noise
-from gtpin.diagnosis.priors import SURE, UNDECIDED
+from gtpin.diagnosis.priors import LIKELY, SURE
 from gtpin.diagnosis.result import Considered, Doubt, FlexibleFamily, Member, Undecided, Verdict
-from gtpin.diagnosis.search import Gain, HypothesisSet, causes, chance_lines, scales, search, smooth_of
+from gtpin.diagnosis.search import HypothesisSet, causes, chance_lines, scales, search, smooth_of
 from gtpin.effects.effect import Nature
 
 
@@ -30,8 +30,8 @@ class Conclusion:
     """The conclusion from the evidence: causes, their classes, and doubts.
 
     ``model``: the causes that are named. ``classes``: for each cause its class with the cause itself, the most probable member
-    first. ``doubts``: reasons for which something unknown is assumed in addition to the causes. ``alone``: gain in log evidence
-    of every hypothesis and smooth term as the only one. ``beside``: the smooth terms that are needed beside the causes.
+    first. ``doubts``: reasons for which something unknown is assumed in addition to the causes. ``beside``: the smooth terms
+    that are needed beside the causes.
     ``also``: those causes that are weak and undecided: they do not change the verdict. ``descriptions``: flexible families that
     fit and are no causes. ``mechanisms``: places of the causes that are such families, but have a mechanism's form.
     ``likely``: places of likely causes that are not named, because they could be the unknown themselves.
@@ -40,7 +40,6 @@ class Conclusion:
     model: Posterior[Term]
     classes: Mapping[Hypothesis, tuple[ClassMember, ...]]
     doubts: tuple[Doubt, ...]
-    alone: Mapping[Term, Gain]
     beside: Posterior[Term] = NOTHING
     also: tuple[Hypothesis, ...] = ()
     descriptions: tuple[FlexibleFamily, ...] = ()
@@ -88,9 +87,9 @@ class Conclusion:
     def named_beside_unknown(self, hypotheses: HypothesisSet) -> Conclusion:
         """The conclusion with only the causes that stand beside something unknown, and with what is weak and undecided.
 
-        What is not sure may be a part of the unknown. A cause that gains less than it, and that a member of its class could
-        look like, may be no more than what that member leaves of the unknown. Of the others, the leader of a class is likely
-        where it has 0.5 or more.
+        A cause A that is not sure may be a part of the unknown. A cause B that gains less than A, and that looks like a member
+        of A's class, may be no more than what that member leaves of the unknown: it is not named either. Of causes that are
+        not named, the leader of a class is likely where it has 0.5 or more.
         """
         robot, model, groups = hypotheses.design.operating_points.robot, self.whole(hypotheses), hypotheses.groups
         loss = {cause: model.log_evidence - without(groups, model, cause).log_evidence for cause in self.classes}
@@ -105,7 +104,7 @@ class Conclusion:
         leaders = [members[0] for cause, members in self.classes.items() if cause not in kept]
         if not leaders:
             return self
-        likely = (m.hypothesis.place for m in leaders if m.probability >= UNDECIDED)
+        likely = (m.hypothesis.place for m in leaders if m.probability >= LIKELY)
         return replace(self.only(hypotheses, kept), likely=(*self.likely, *likely))
 
     def nature(self, cause: Hypothesis) -> Nature:
@@ -132,7 +131,7 @@ class Conclusion:
         return [
             cause
             for cause, members in self.classes.items()
-            if members[0].hypothesis.place == cause.place and members[0].probability >= UNDECIDED
+            if members[0].hypothesis.place == cause.place and members[0].probability >= LIKELY
         ]
 
 
@@ -140,12 +139,13 @@ def considered(
     hypotheses: HypothesisSet, found: Conclusion, could_be: Collection[tuple[str, str]] = ()
 ) -> tuple[Considered, ...]:
     """All hypotheses that were tested, the largest gain in log evidence first, then those that could not be tested."""
-    members = [m for class_of in found.classes.values() for m in class_of]
+    members = [m for every in found.classes.values() for m in every]
     probability = {m.hypothesis.place: m.probability for m in members}
     asked = {m.hypothesis.place for m in members if not m.recorded} | set(could_be)
     reason = {p.hypothesis.place: p.reason for p in hypotheses.proxies if p.hypothesis.place in asked}
+    alone = hypotheses.gains(NOTHING, hypotheses.named)
     tested = [
-        Considered(*h.place, found.alone[h].value, probability.get(h.place, 0.0), True, reason.get(h.place))
+        Considered(*h.place, alone[h].value, probability.get(h.place, 0.0), True, reason.get(h.place))
         for h in hypotheses.named
     ]
     others = [
@@ -171,7 +171,6 @@ def infer(settled: SearchState, barred: Collection[tuple[str, str]] = ()) -> Con
         if not (by_chance := chance_lines(hypotheses, found.model)):
             break
         scattered |= {cause.place for cause in by_chance}
-    found = replace(found, alone=hypotheses.gains(NOTHING, hypotheses.every))
     if found.doubts:
         return found
     sites = tuple(sorted({site for _, site in scattered}))
@@ -191,10 +190,9 @@ def decide(hypotheses: HypothesisSet, guess: Posterior[Term] = NOTHING) -> Concl
 
     ``guess``: a model that an earlier search found. The searches of a robot without rods, whose models are long, start from it.
     """
-    alone = hypotheses.gains(NOTHING, hypotheses.every)
     start = guess if hypotheses.long else NOTHING
-    named = search(hypotheses, hypotheses.named, alone, start=hypotheses.only(start, causes(start)))
-    mixed = search(hypotheses, hypotheses.every, alone, start=start)
+    named = search(hypotheses, hypotheses.named, start=hypotheses.only(start, causes(start)))
+    mixed = search(hypotheses, hypotheses.every, start=start)
     needed = smooth_of(mixed)
     if needed and _unknown(hypotheses, mixed, named) > 0.5:
         named = hypotheses.only(mixed, (*_apart(hypotheses, mixed), *needed))
@@ -215,7 +213,7 @@ def decide(hypotheses: HypothesisSet, guess: Posterior[Term] = NOTHING) -> Concl
     classes = dict(with_all_actuators(hypotheses, named, with_shared_loads(hypotheses, named, classes)))
     doubts = tuple(Doubt("smooth_term", term.site, term.over) for term in needed)
     model, unknown = hypotheses.only(named, causes(named)), hypotheses.only(named, needed)
-    found = Conclusion(model, classes, doubts, alone, unknown, likely=tuple(instead))
+    found = Conclusion(model, classes, doubts, unknown, likely=tuple(instead))
     return found.named_beside_unknown(hypotheses) if doubts else found
 
 
@@ -348,12 +346,12 @@ def _redundant(
     return with_other - alone < hypotheses.costs(named.terms)[other]
 
 
-def without_undecided(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
+def with_also(hypotheses: HypothesisSet, found: Conclusion) -> Conclusion:
     """The conclusion that tells apart what is weak and undecided, where other causes are named."""
     small = tuple(
         cause
         for cause, members in found.classes.items()
-        if members[0].probability < UNDECIDED and weak(hypotheses, found.model, cause)
+        if members[0].probability < LIKELY and weak(hypotheses, found.model, cause)
     )
     return replace(found, also=small) if len(small) < len(found.classes) else found
 

@@ -21,7 +21,7 @@ from gtpin.diagnosis.search import Gain, HypothesisSet, causes, chance_lines, sm
 from gtpin.diagnosis.trials import Known
 
 RIVALS = 3
-"""Number of hypotheses that are told as rivals, besides the most probable smooth term."""
+"""Number of hypotheses that are listed as rivals, besides the most probable smooth term."""
 
 
 def why_of(
@@ -49,7 +49,7 @@ def why_of(
 
     # Alone.
     own = next(h for h in hypotheses.named if h.place == place)
-    alone = found.alone[own]
+    alone = hypotheses.gains(NOTHING, (own,))[own]
     single = hypotheses.extended(NOTHING, alone.term)
     parameters = estimates_in(hypotheses, single, causes(single)[0], context.settled.references)
 
@@ -79,7 +79,7 @@ def why_of(
     rivals = [Rival(*m.hypothesis.place, (), gains[m.hypothesis.place], m.probability) for m in others[:RIVALS]]
     for best, share in ranking.smooth[:1]:
         rivals.append(Rival("", best.site, best.over, hypotheses.gains(less, (best,))[best].value, share))
-    told = Why(
+    why = Why(
         *place,
         "rival",
         probability=own_probability(members, own),
@@ -95,19 +95,19 @@ def why_of(
         questions=tuple(out_of_range(own.effect, own.site, parameters, hypotheses.priors)),
         left_out=_left_out(context, [NOTHING, single, rest, with_it]),
     )
-    told = replace(told, standing=_standing(context, told, mine, bool(holders), with_it, asked))
-    if told.standing == "named" and told.probability >= SURE:
-        return told
-    if told.standing == "weak":  # anything could be in the place of next to nothing
-        told, others = replace(told, rivals=(), in_place=told.beside), []
+    why = replace(why, standing=_standing(context, why, mine, bool(holders), with_it, asked))
+    if why.standing == "named" and why.probability >= SURE:
+        return why
+    if why.standing == "weak":  # anything could be in the place of next to nothing
+        why, others = replace(why, rivals=(), in_place=why.beside), []
     pair = [(one, 0.5), *((m.hypothesis, 0.5) for m in others[:1])]  # who asks holds it for possible
     places = {h.place for h, _ in pair}
     for experiment in planned:
         if experiment.kind == "discriminate" and places <= {*experiment.effects}:
-            return replace(told, experiment=experiment)
+            return replace(why, experiment=experiment)
     beside_these = [c for c in named if c.cause.place not in places]
     asks = CauseClass(one, 1.0, tuple(pair), ranking.temperature, priors=hypotheses.priors)
-    return replace(told, experiment=discriminate(fewer(known, rng), [asks, *beside_these], 0, POSES, rng))
+    return replace(why, experiment=discriminate(fewer(known, rng), [asks, *beside_these], 0, POSES, rng))
 
 
 def _smooth_beside(
@@ -142,31 +142,31 @@ def _left_out(context: Context, models: Sequence[Posterior[Term]]) -> LeftOutErr
 
 def _standing(
     context: Context,
-    told: Why,
+    why: Why,
     mine: Hypothesis | None,
     held: bool,
     with_it: Posterior[Term],
     asked: Sequence[Question],
 ) -> Standing:
     """The first reason that applies."""
-    hypotheses, found, place = context.hypotheses, context.found, (told.effect, told.site)
-    assert told.left_out is not None
+    hypotheses, found, place = context.hypotheses, context.found, (why.effect, why.site)
+    assert why.left_out is not None
     if mine is not None:
         return "also" if mine in found.also else "named"
     if place in {(q.effect, q.site) for q in asked if not q.believed}:
         return "impossible"
     if place in {(family.effect, family.site) for family in found.descriptions}:
         return "description"
-    if told.log_evidence < told.odds:
+    if why.log_evidence < why.odds:
         return "weak"
     if held:
         return "class"
-    if told.beside < told.needed:
-        return "taken" if told.in_place >= told.needed else "beside"
+    if why.beside < why.needed:
+        return "taken" if why.in_place >= why.needed else "beside"
     if place in {cause.place for cause in chance_lines(hypotheses, with_it)}:
         return "chance"
-    if told.smooth and found.beside.terms and told.beside_smooth < told.needed:
+    if why.smooth and found.beside.terms and why.beside_smooth < why.needed:
         return "smooth"
-    if told.left_out.with_it >= told.left_out.without:
+    if why.left_out.with_it >= why.left_out.without:
         return "left_out"
     return "part" if found.doubts else "rival"

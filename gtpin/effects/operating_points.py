@@ -32,7 +32,7 @@ FEW_OF = 2000
 _TOOL = ("fx", "fy", "fz", "payload")
 """Covariates of what acts on the tool."""
 _OF_POSES = ("vectors", "length", "along", "command_jacobian", "bodies", "carrier_joints")
-"""Cached members of a situation that no covariate changes."""
+"""Cached members of operating points that no covariate changes."""
 _OF_LOADS = ("loads",)
 """Cached members that no covariate changes but those of the tool."""
 

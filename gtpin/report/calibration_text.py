@@ -21,8 +21,6 @@ from gtpin.typing import Floats
 SHOWN = 8
 """Largest number of listed correlations and unobservable directions."""
 SOURCES = {"declared": "as declared", "repeats": "from repeated visits", "residuals": "from the residuals"}
-SCATTERS = 0.5
-"""Ratio of repeatability to the instrument's sigma above which it may contain an effect."""
 NAMED = 3
 """Largest number of parameters that a sentence names."""
 WHAT = {
@@ -126,7 +124,7 @@ def noise_words(c: Calibration) -> list[str]:
 
 def scatters(c: Calibration) -> str:
     """Warning that a large scatter of the drives may come from effects in part; empty if the scatter is small."""
-    if c.noise.repeatability <= SCATTERS * c.noise.position_sigma:
+    if c.noise.repeatability <= PRIORS.scatters * c.noise.position_sigma:
         return ""
     return (
         f"Repeated visits scatter by {length(c.noise.repeatability)} at each actuator. A calibration counts this as noise, but "

@@ -96,7 +96,7 @@ def curves(active: ActiveEffect, residuals: Residuals) -> tuple[EffectCurve, ...
 
 
 def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) -> tuple[str, list[_Level]]:
-    """Name of the coordinate along which curves are drawn, and situations along it, one for each value of a second
+    """Name of the coordinate along which curves are drawn, and operating points along it, one for each value of a second
     coordinate; no situations where it can't be varied alone."""
 
     def at(**given: npt.NDArray[np.generic]) -> OperatingPoints:

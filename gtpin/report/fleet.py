@@ -21,8 +21,8 @@ def fleet_table(rows: Sequence[Mapping[str, Any]]) -> Table:
 def fleet_page(rows: Sequence[Mapping[str, Any]]) -> str:
     """The table as one self-contained HTML file."""
     verdicts = Counter("failed" if row["error"] else row["verdict"] for row in rows)
-    told = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.most_common())
-    lead = Lead(f"Diagnoses of {counted(len(rows), 'dataset')}", f"{told}.")
+    found = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.most_common())
+    lead = Lead(f"Diagnoses of {counted(len(rows), 'dataset')}", f"{found}.")
     return report("diagnoses", lead, [Section("datasets", "Datasets", [fleet_table(rows)])])
 
 

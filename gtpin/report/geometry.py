@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gtpin.diagnosis.priors import SURE
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.model.departures import Departure, departures, size_of
 from gtpin.report.page import Table
-from gtpin.report.phrases import SURE
 from gtpin.report.words import counted, joined, length, quantity
 
 SHOWN = 5

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from gtpin.diagnosis.priors import CLASS_SHARE
+from gtpin.diagnosis.priors import CLASS_SHARE, SURE
 from gtpin.diagnosis.result import Cause, Doubt, Findings, Member
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.effect import ChainWords, Effect
@@ -16,10 +16,8 @@ from gtpin.estimate import WIDE, Estimate
 from gtpin.report.words import SITES, capital, chance, joined, length, percent, quantity, site_words
 from gtpin.robot.chain import Chain
 
-SURE = 0.95
-"""Smallest probability of a certain cause."""
 PROBABLE = 0.75
-"""Probability of a cause from which the other members of its class are told as not excluded, not as equals. Assumed."""
+"""Probability of a cause from which the other members of its class are called not excluded, not as equals. Assumed."""
 SHOWN, LINES = 4, 2
 """Numbers of a cause's parameters in the table of causes, and of periods, parameters of another member of a class, and lines
 of causes in a headline."""

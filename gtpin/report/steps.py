@@ -7,13 +7,14 @@ from dataclasses import replace
 from gtpin.calibration.result import Calibration
 from gtpin.compensation.compensate import NOT_THE_MACHINE
 from gtpin.compensation.correctable import correctable
+from gtpin.diagnosis.priors import SURE
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.model.dh import chain_of
 from gtpin.model.model import Model
 from gtpin.model.place import movers
 from gtpin.report.calibration_text import lost
 from gtpin.report.page import Step
-from gtpin.report.phrases import SURE, named
+from gtpin.report.phrases import named
 from gtpin.report.verdict import beyond_chance, scattered, too_few, worse_than_nominal
 from gtpin.report.words import joined
 

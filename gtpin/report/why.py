@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from gtpin.diagnosis.priors import SURE
 from gtpin.diagnosis.result import Diagnosis, LeftOutErrors, Rival, Why
 from gtpin.output.shown import present
 from gtpin.report.page import Block, Table
-from gtpin.report.phrases import SHOWN, SURE, named, parameter, reason_words, value
+from gtpin.report.phrases import SHOWN, named, parameter, reason_words, value
 from gtpin.report.words import chance, coordinate_words, joined, length, site_words, whole
 
 SAME = 0.9

@@ -45,8 +45,3 @@ def test_poses_and_derivatives_far_from_nominal_are_the_same(name):
     for derivative in ("command_jacobian", "geometry_jacobian"):
         expected = getattr(other, derivative)(q, poses)
         np.testing.assert_allclose(getattr(usual, derivative)(q, poses), expected, atol=1e-9 * np.abs(expected).max())
-
-
-def test_the_former_choice_of_a_solver_is_not_used_and_says_so():
-    with pytest.warns(DeprecationWarning, match="leave it out"):
-        gtpin.calibrate(case(np.random.default_rng(1), 20)[1], kinematics="pinocchio")

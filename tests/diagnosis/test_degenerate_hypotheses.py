@@ -164,7 +164,7 @@ def check(hypotheses: HypothesisSet, model: Posterior[Term]) -> None:
 def test_a_search_over_any_hypotheses_ends_with_finite_evidence(hypotheses: HypothesisSet) -> None:
     alone = hypotheses.gains(NOTHING, hypotheses.every)
     assert np.isfinite([gain.value for gain in alone.values()]).all()
-    model = search(hypotheses, hypotheses.every, alone)
+    model = search(hypotheses, hypotheses.every)
     check(hypotheses, model)
     for cause in causes(model):
         members = class_of(hypotheses, model, cause)

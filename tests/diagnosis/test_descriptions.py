@@ -12,7 +12,7 @@ from gtpin.diagnosis import verdict as rules
 from gtpin.diagnosis.classes import ClassMember
 from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.hypothesis import Hypothesis
-from gtpin.diagnosis.verdict import Conclusion, without_undecided
+from gtpin.diagnosis.verdict import Conclusion, with_also
 from gtpin.effects.catalogue import catalogue, effect_of
 from gtpin.typing import Floats
 
@@ -72,7 +72,7 @@ def concluded(probabilities: dict[str, float]) -> tuple[Conclusion, dict[str, Hy
         cause: (ClassMember(cause, probabilities[site]), ClassMember(other, 1.0 - probabilities[site]))
         for site, cause in causes.items()
     }
-    return Conclusion(NOTHING, classes, (), {}), causes
+    return Conclusion(NOTHING, classes, ()), causes
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_only_what_is_weak_and_undecided_leaves_the_verdict_alone(
 ) -> None:
     found, causes = concluded({"cart1": 0.99, "cart2": leader})
     monkeypatch.setattr(rules, "weak", lambda hypotheses, model, cause: weak and cause == causes["cart2"])
-    told = without_undecided(None, found)  # type: ignore[arg-type]
+    told = with_also(None, found)  # type: ignore[arg-type]
     assert told.verdict == verdict
     assert set(told.also) == ({causes["cart2"]} if verdict == "explained" else set())
 
@@ -93,13 +93,13 @@ def test_only_what_is_weak_and_undecided_leaves_the_verdict_alone(
 def test_what_is_weak_and_undecided_alone_stays_a_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     found, _ = concluded({"cart2": 0.3})
     monkeypatch.setattr(rules, "weak", lambda *_: True)
-    assert without_undecided(None, found).verdict == "ambiguous"  # type: ignore[arg-type]
+    assert with_also(None, found).verdict == "ambiguous"  # type: ignore[arg-type]
 
 
 def test_a_flexible_family_is_a_mechanism_only_where_its_form_was_found_to_be_one() -> None:
     family = Hypothesis(effect_of(catalogue(), "cross_coupling"), "cart1")
     track = Hypothesis(effect_of(catalogue(), "straightness"), "cart2")
-    untried = Conclusion(NOTHING, {}, (), {})
+    untried = Conclusion(NOTHING, {}, ())
     assert [untried.nature(cause) for cause in (family, track)] == ["description", "profile"]
     assert replace(untried, mechanisms=frozenset({family.place})).nature(family) == "mechanism"
 

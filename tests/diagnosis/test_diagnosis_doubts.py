@@ -179,7 +179,7 @@ def test_what_causes_leave_is_compared_with_the_likeliest_noise_and_silence_with
         share_left=lambda *_: left,
     )
     cause = Hypothesis(gtpin.catalogue()[0], "cart1")
-    found = Conclusion(NOTHING, {cause: (ClassMember(cause, 1.0),)} if named else {}, (), {})
+    found = Conclusion(NOTHING, {cause: (ClassMember(cause, 1.0),)} if named else {}, ())
     hypotheses = SimpleNamespace(priors=PRIORS, design=None)
     monkeypatch.setattr(rules, "class_of", lambda *_, unlisted: (ClassMember(cause, 1.0),))
     monkeypatch.setattr(Conclusion, "whole", lambda *_: NOTHING)

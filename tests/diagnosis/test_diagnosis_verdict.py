@@ -180,7 +180,7 @@ def test_a_cause_is_sure_where_it_leads_its_class_and_stays_beside_an_unknown_wh
     members = sorted(
         (ClassMember(h, p) for h, p in zip((cause, other), shares, strict=True)), key=lambda m: -m.probability
     )
-    found = Conclusion(replace(NOTHING, terms=(cause,)), {cause: tuple(members)}, (), {})
+    found = Conclusion(replace(NOTHING, terms=(cause,)), {cause: tuple(members)}, ())
     assert found.sure() == ([cause] if sure else [])
     assert found.beside_unknown() == ([cause] if stays else [])
     points = SimpleNamespace(robot=gtpin.load_robot("gantry_tau"))

@@ -30,7 +30,7 @@ def hypotheses() -> HypothesisSet:
 def test_causes_that_are_named_only_beside_an_impossible_one_are_dropped(hypotheses: HypothesisSet) -> None:
     first, second, third = hypotheses.linear[:3]
     model = hypotheses.of([first, second, third], [1.0, 1.0, 1.0])
-    found = Conclusion(model, {c: (ClassMember(c, 1.0),) for c in (first, second, third)}, (), {})
+    found = Conclusion(model, {c: (ClassMember(c, 1.0),) for c in (first, second, third)}, ())
     asked = Question(*first.place, "scale", -1.0, 0.1, "m/m", 0.0, np.inf, "nobody has it", False)
     left = without_impossible(hypotheses, found, [asked], {first.place, third.place})
     assert tuple(left.classes) == (third,)

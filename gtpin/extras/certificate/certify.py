@@ -86,7 +86,7 @@ def certify(
     _check(dataset, model, instrument)
     with noted() as texts:
         found = _certify(dataset, model, instrument, seed, progress)
-    return replace(found, warnings=dataset.told(texts))
+    return replace(found, warnings=dataset.all_warnings(texts))
 
 
 def _certify(

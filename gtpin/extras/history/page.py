@@ -81,12 +81,12 @@ def history_page(entries: Sequence[Entry]) -> str:
         rows.append([*said, *sizes, entry.dataset])
     head = ("date (UTC)", "verdict", "changes", "error, RMS", "noise alone", "poses", "dataset")
     plot = Plot("errors", "Position error of each check over time", partial(history_drawing, entries))
-    told = f"{counted(len(entries), 'check')}, {changed} of them with a change. The last: {WORDS[last.verdict]}."
+    found = f"{counted(len(entries), 'check')}, {changed} of them with a change. The last: {WORDS[last.verdict]}."
     sections = [
         Section("errors", "Position error, each pose predicted by the earlier model and all others", [Plots([plot])]),
         Section("checks", "Checks, the last first", [Table(head, rows, (3, 4, 5))]),
     ]
-    lead = Lead(f"Checks over time · {last.robot}", told)
+    lead = Lead(f"Checks over time · {last.robot}", found)
     return report(f"{last.robot}: checks", lead, sections)
 
 
