@@ -23,7 +23,8 @@ Floats = np.ndarray
 ROBOT = gtpin.load_robot("gantry_tau")
 KINEMATICS = gtpin.Model(gtpin.Geometry.nominal(ROBOT)).kinematics
 SETTINGS = {"rack_periodic": 0.0628, "rack_step": 0.1}
-POSITIVE = ("cart_compliance", "link_compliance", "joint_clearance", "thermal_links", "thermal_track", "servo_lag")
+LOADED = ("cart_compliance", "link_compliance", "joint_clearance")
+POSITIVE = (*LOADED, "thermal_links", "thermal_track", "servo_lag", "measurement_delay")
 """What is so only with one sign."""
 CART, ROD = 1, 1  # cart2 and link2a
 GRID = np.linspace(-1.0, 1.0, 240)
@@ -78,6 +79,10 @@ def shown(name: str) -> tuple[str, Floats, OperatingPoints, str, float]:
     if name == "servo_lag":
         speed = 0.3 * GRID
         return "speed2 [m/s]", speed, operating_points(still, speed2=speed), "along the track [µm]", 1e-6
+    if name == "measurement_delay":
+        speed = 0.3 * GRID
+        at = operating_points(still, speed1=speed, speed2=speed, speed3=speed)
+        return "speed of all carts [m/s]", speed, at, "x [µm]", 1e-6
     if name == "cross_coupling":
         ahead = still.copy()
         ahead[:, 0] = 0.67 * GRID
@@ -99,7 +104,7 @@ def shown(name: str) -> tuple[str, Floats, OperatingPoints, str, float]:
         return along[0], along[1], along[2], "upwards [µm]", 1e-6
     if name == "cart_rotation":
         return along[0], along[1], along[2], "joint 2a, rolling [µm]", 1e-6
-    if name in ("link_compliance", "cart_compliance", "joint_clearance"):
+    if name in LOADED:
         at = operating_points(still)
         pulled = np.einsum("ni,ni->n", at.response[:, :3, ROD], at.along[:, ROD])  # force for each newton along it
         push = (120.0 * GRID - at.force[:, ROD]) / pulled

@@ -181,7 +181,8 @@ def bent_rail_or_axis(c: Case) -> Answer:
         return c.cart(k, c.shifts(np.cross(c.m.d[k], c.direction()), across)), [f"straightness@{c.m.drives[k]}"]
     n = int(c.rng.integers(2, 4))
     tilt = np.stack([np.cos(n * q), np.sin(n * q), 0 * q], axis=1)
-    return c.link(k, np.concatenate([0.05 * tilt, tilt], axis=1)), [f"axis_motion@{c.m.drives[k]}"]
+    about_own = [] if c.m.model.joints[k + 1].shortname() == "JointModelRZ" else [f"rack_periodic@{c.m.drives[k]}"]
+    return c.link(k, np.concatenate([0.05 * tilt, tilt], axis=1)), [f"axis_motion@{c.m.drives[k]}", *about_own]
 
 
 def homing(c: Case) -> Answer:
@@ -257,7 +258,8 @@ def two_beats(c: Case) -> Answer:
 def wobbling_target(c: Case) -> Answer:
     """A target on a soft stalk lags behind the tool with the square of its speed."""
     lag = -c.velocity * np.linalg.norm(c.velocity, axis=1)[:, None]
-    return Deviation(tool=np.concatenate([np.einsum("nji,nj->ni", c.R, lag), np.zeros_like(lag)], axis=1)), []
+    lagging = np.concatenate([np.einsum("nji,nj->ni", c.R, lag), np.zeros_like(lag)], axis=1)
+    return Deviation(tool=lagging), ["measurement_delay@frame"]
 
 
 def floor_tilt(c: Case) -> Answer:

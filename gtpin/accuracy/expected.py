@@ -13,6 +13,7 @@ from gtpin.accuracy.sensitivity import check_closure_sigmas
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import Kinematics, reached_poses
 from gtpin.kinematics.poses import Poses
+from gtpin.model.fit_conditions import EXPLAINED
 from gtpin.model.model import Model, root_of
 from gtpin.model.place import free_motions, without_place
 from gtpin.real import generator
@@ -130,6 +131,21 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> ErrorResponse
     if uncertainty.repeatability > 0.0:
         fresh.append(kinematics.command_jacobian(q, poses)[:, :6] * uncertainty.repeatability)
     return ErrorResponse(fixed, np.concatenate(fresh, axis=2), whole - fixed)
+
+
+def unexplained_error(model: Model, by_commands: Floats) -> float:
+    """What a model does not explain of the data of its fit, as one sigma per axis of the TCP's position, m.
+
+    It is the root mean square over N poses of the model's discrepancy and of the noise of the drives, which is an error of
+    the machine too. Where the noise of the instrument is not known, the discrepancy has both.
+
+    ``by_commands``: (N, 6, n) derivative of the poses by the commands, m and rad.
+    """
+    left = model.unexplained or EXPLAINED
+    power = left.position**2
+    if left.noise_known and model.fit is not None:
+        power += float(((model.fit.drives * by_commands[:, :3]) ** 2).sum(axis=(1, 2)).mean()) / 3.0
+    return float(np.sqrt(power))
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,14 @@ from typing import ClassVar
 
 import numpy as np
 
+from gtpin.effects.active import ActiveEffect
 from gtpin.effects.displacement import Displacement
 from gtpin.effects.effect import Effect, Parameters
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.model.model import Model
 from gtpin.robot.chain import Chain
+from gtpin.robot.constrained_model import joint_axis
+from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import Column, tracks_by_parameters
 from gtpin.typing import Floats
 
@@ -113,25 +116,44 @@ class TrackChange(GeometryChange):
 
 
 def in_geometry(model: Model) -> Model:
-    """The model with its changes of geometry as values of the geometry, with their part of the uncertainty."""
+    """The model with its changes of geometry as values of the geometry, with their part of the uncertainty.
+
+    A zero of a drive that shifted since the earlier model is one of them where the geometry has the placement of its joint.
+    """
     names, joint, p = list(model.geometry.names), model.joint_covariance, len(model.geometry.names)
     if joint is None:
         return model
     moved, values, kept, place = np.eye(len(joint)), model.geometry.values.copy(), np.ones(len(joint), dtype=bool), p
+    effects = []
     for active in model.effects:
-        if isinstance(active.effect, GeometryChange):
-            for own, column in enumerate(active.effect.columns_by_site[active.site], start=place):
-                kept[own] = False
-                for name, factor in column.items():
-                    values[names.index(name)] += factor * active.coefficients[own - place]
-                    moved[names.index(name), own] = factor
+        columns = _columns(active, model.geometry)
+        for own, column in enumerate(columns, start=place):
+            kept[own] = False
+            for name, factor in column.items():
+                values[names.index(name)] += factor * active.coefficients[own - place]
+                moved[names.index(name), own] = factor
+        effects += [] if columns else [active]
         place += len(active.coefficients)
     covariance = (moved @ joint @ moved.T)[np.ix_(kept, kept)]
-    effects = tuple(active for active in model.effects if not isinstance(active.effect, GeometryChange))
     return replace(
         model,
         geometry=model.geometry.with_values(values),
-        effects=effects,
+        effects=tuple(effects),
         covariance=covariance[:p, :p],
         joint_covariance=covariance if effects else None,
     )
+
+
+def _columns(active: ActiveEffect, geometry: Geometry) -> Sequence[Column]:
+    """What each coefficient of an effect changes of the parameters of the geometry; empty for other effects."""
+    if isinstance(active.effect, GeometryChange):
+        return active.effect.columns_by_site[active.site]
+    if active.effect.id != "zero_shift" or active.references.sessions:
+        return ()
+    if f"zero[{active.site}]" in geometry.names:
+        return ({f"zero[{active.site}]": 1.0},)
+    model, actuator = geometry.robot.model, geometry.robot.actuators[geometry.robot.sites.index(active.site)]
+    joint, axis = model.names[actuator.joint_id], joint_axis(model, actuator.joint_id)
+    placed = {p.component: p.name for p in geometry.parameters if p.kind == "placement" and p.part == joint}
+    turned = np.flatnonzero(np.abs(axis) > 0.0).tolist()
+    return ({placed[k]: float(axis[k]) for k in turned},) if placed.keys() >= {*turned} else ()

@@ -310,6 +310,30 @@ def with_all_actuators(hypotheses: HypothesisSet, model: Posterior[Term], classe
     return found
 
 
+def with_equal_actuators(hypotheses: HypothesisSet, model: Posterior[Term], classes: Classes) -> Classes:
+    """The classes in which an effect that all actuators have alike may be in the place of a cause of the frame.
+
+    Drives that all lag by one time look like readings that are late by it. Both have one parameter, so that their prior odds
+    are equal. The probability is divided equally between the actuators. Study: tests/diagnosis/test_late_readings.py.
+    """
+    found, groups = dict(classes), hypotheses.groups
+    for cause, members in classes.items():
+        for effect in {h.effect: None for h in hypotheses.linear if h.effect.alike and cause.site == "frame"}:
+            every = [h for h in hypotheses.linear if h.effect is effect]
+            equal = SmoothTerm("frame", (effect.id,), "equal at all actuators")
+            if equal not in groups:
+                groups.add(equal, np.sum([groups.columns(h)[:, list(effect.core)] for h in every], axis=0))
+            rest = without(groups, model, cause, sweeps=1)
+            own = model.log_evidence - rest.log_evidence
+            ahead = (hypotheses.gains(rest, [equal])[equal].value - own) / hypotheses.priors.temperature_of(own)
+            odds, leader = exp(min(ahead, 0.0)), own_probability(members, cause)
+            whole = 1.0 + odds * leader
+            each = odds * leader / whole / len(every)
+            if len(every) > 1 and each >= CLASS_SHARE * leader / whole:
+                found[cause] = ordered(_with_both(members, tuple(every), whole, each).values(), cause)
+    return found
+
+
 def own_probability(members: Iterable[ClassMember], cause: Hypothesis) -> float:
     """The probability of a cause itself in its class."""
     return next(m.probability for m in members if m.hypothesis.place == cause.place)

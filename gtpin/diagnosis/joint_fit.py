@@ -220,12 +220,16 @@ def cause(
 ) -> Cause:
     """A cause ``named`` in a conclusion, with its parameters from the fitted model. Its ``explained_fraction`` is 0 at first.
 
-    The others of its class have the parameters of a linear fit in its place.
+    The others of its class have the parameters of a linear fit in its place. Its own sigmas contain what its parameters
+    would be beside each that could act together with it.
     """
     active = next(e for e in model.effects if (e.effect.id, e.site) == hypothesis.place)
     own = next(m for m in found.classes[named] if m.hypothesis.place == hypothesis.place)
     linear = found.model if hypothesis == named else hypotheses.replaced(found.model, named, hypothesis)
-    parameters = estimates(model.robot, active, hypothesis, _by_values(hypotheses, linear, hypothesis))
+    parameters = estimates(model.robot, active, _ends(hypotheses, linear, hypothesis, active.references))
+    beside = ((m.hypothesis, m.beside) for m in found.classes[named])
+    together = [one for one, first in beside if first is not None and first.place == hypothesis.place]
+    parameters = _or_beside(hypotheses, linear, hypothesis, parameters, together, active.references)
     members = []
     for contender, member in zip(found.classes[named], found.members(named), strict=True):
         other, values = contender.hypothesis, parameters
@@ -235,6 +239,23 @@ def cause(
         members.append(replace(member, parameters=values))
     share = shares(hypotheses.groups, found.model)[named]
     return Cause(*hypothesis.place, own.probability, tuple(members), parameters, 0.0, found.nature(hypothesis), share)
+
+
+def _or_beside(
+    hypotheses: HypothesisSet,
+    model: Posterior[Term],
+    own: Hypothesis,
+    alone: dict[str, Estimate],
+    together: Sequence[Hypothesis],
+    references: References,
+) -> dict[str, Estimate]:
+    """Parameters of a hypothesis with sigmas that contain those beside others: the largest of s_k^2 + (v_k - v)^2, with v_k and
+    s_k the value and the sigma beside one that could act ``together`` with it, and v the value alone."""
+    for other in together:
+        both = estimates_in(hypotheses, hypotheses.extended(model, other), own, references)
+        far = {n: float(np.hypot(both[n].sigma, both[n].value - e.value)) for n, e in alone.items()}
+        alone = {n: replace(e, sigma=max(e.sigma, far[n])) for n, e in alone.items()}
+    return alone
 
 
 def _in_its_place(
@@ -255,7 +276,7 @@ def estimates_in(
     coefficients, covariance = _fitted(hypotheses, model, own)
     robot, value = hypotheses.design.operating_points.robot, own.shape_parameter
     active = ActiveEffect(own.effect, own.site, value, coefficients, covariance, references, own.further)
-    return estimates(robot, active, own, _by_values(hypotheses, model, own))
+    return estimates(robot, active, _ends(hypotheses, model, own, references))
 
 
 def _fitted(hypotheses: HypothesisSet, model: Posterior[Term], own: Hypothesis) -> tuple[Floats, Floats]:
@@ -266,38 +287,38 @@ def _fitted(hypotheses: HypothesisSet, model: Posterior[Term], own: Hypothesis) 
     return model.mean[part] * sigma, model.covariance[part, part] * np.outer(sigma, sigma)
 
 
-def _by_values(hypotheses: HypothesisSet, model: Posterior[Term], own: Hypothesis) -> Floats:
-    """(l, m) change of a hypothesis's coefficients if each of its l nonlinear values is larger by its standard deviation;
-    (0, 1) zeros, which change any coefficients by nothing, where it has none."""
-    found = []
+def _ends(hypotheses: HypothesisSet, model: Posterior[Term], own: Hypothesis, references: References) -> Floats:
+    """(l, 2, 1 + m) changes of each of a hypothesis's l nonlinear values, and of its m coefficients with it, to one standard
+    deviation below and above the value."""
+    robot, (coefficients, _) = hypotheses.design.operating_points.robot, _fitted(hypotheses, model, own)
+    found = np.zeros((len(own.lines), 2, 1 + len(coefficients)))
     for i, (value, sigma) in enumerate(own.lines):
-        ends = []
-        for sign in (1.0, -1.0):
-            moved = own.with_lines([*own.lines[:i], (value + sign * sigma, sigma), *own.lines[i + 1 :]])
-            ends.append(_fitted(hypotheses, hypotheses.replaced(model, own, moved), moved)[0])
-        found.append((ends[0] - ends[1]) / 2.0)
-    return np.array(found) if found else np.zeros((0, 1))
+        for k, end in enumerate(own.effect.ends(robot, own.site, references, value, sigma)):
+            if end not in own.values:
+                moved = own.with_lines([*own.lines[:i], (end, sigma), *own.lines[i + 1 :]])
+                other, _ = _fitted(hypotheses, hypotheses.replaced(model, own, moved), moved)
+                found[i, k] = [end - value, *(other - coefficients)]
+    return found
 
 
-def estimates(robot: Chain, active: ActiveEffect, hypothesis: Hypothesis, by_values: Floats) -> dict[str, Estimate]:
+def estimates(robot: Chain, active: ActiveEffect, ends: Floats) -> dict[str, Estimate]:
     """Parameters by name: value at the coefficients' posterior mean, and sigma, within which 68 % of draws lie about it.
 
-    ``by_values``: (l, m) change of the m coefficients if each of the l nonlinear values is larger by its standard deviation.
+    ``ends``: (l, 2, 1 + m) changes of each of the l nonlinear values, and of the m coefficients with it, to one standard
+    deviation below and above the value. In between and beyond, both change in proportion.
 
     Draws from the posterior are needed because some parameters, such as a curve's root mean square, are not linear in the
     coefficients. They are not needed for the value: a mean or a median of draws of such a norm is too large, because the
     draws add the posterior's variance to coefficients that contain the noise already.
     """
-    least = [active.effect.least_sigma(robot, active.site, active.references, value) for value in active.values]
-    sigmas = [max(sigma, one) for (_, sigma), one in zip(hypothesis.lines, least, strict=True)]
     values, vectors = np.linalg.eigh(active.covariance)
-    unit = np.random.default_rng(0).standard_normal((PARAMETER_DRAWS, len(values) + max(len(active.values), 1)))
+    unit = np.random.default_rng(0).standard_normal((PARAMETER_DRAWS, len(values) + max(len(ends), 1)))
     drawn = []
     for z in np.vstack([unit, -unit]):
         c = active.coefficients + vectors @ (np.sqrt(np.maximum(values, 0.0)) * z[: len(values)])
-        c = c + z[len(values) : len(values) + len(by_values)] @ by_values
-        own = zip(active.values, sigmas, z[len(values) :], strict=False)
-        places = [value + sigma * float(draw) for value, sigma, draw in own]
+        steps = [abs(size) * both[int(size > 0.0)] for size, both in zip(z[len(values) :], ends, strict=False)]
+        c = c + sum(step[1:] for step in steps)
+        places = [value + float(step[0]) for value, step in zip(active.values, steps, strict=True)]
         drawn.append([v for v, _ in active.effect.parameters_of(robot, active.site, c, places).values()])
     said = active.effect.parameters_of(robot, active.site, active.coefficients, active.values)
     sigma = np.quantile(np.abs(np.array(drawn) - [value for value, _ in said.values()]), WITHIN, axis=0)

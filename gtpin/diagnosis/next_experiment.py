@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from gtpin.diagnosis.classes import ranked
+from gtpin.diagnosis.classes import ClassMember, ranked
 from gtpin.diagnosis.discrimination import (
     LEAST_EXPECTED,
     RIVALS,
@@ -51,7 +51,7 @@ def classes(found: Conclusion, causes: Sequence[Cause], hypotheses: HypothesisSe
     by_place = {hypothesis.place: hypothesis for hypothesis in found.classes}
     named = []
     for cause in (by_place[c.effect, c.site] for c in causes):
-        members = [(m.hypothesis, m.probability) for m in found.classes[cause]]
+        members = _separable(found.classes[cause], cause)
         if len(members) == 1 and members[0][1] >= SURE:
             named.append(CauseClass(cause, found.scale[cause], tuple(members)))
             continue
@@ -64,6 +64,17 @@ def classes(found: Conclusion, causes: Sequence[Cause], hypotheses: HypothesisSe
             CauseClass(cause, found.scale[cause], tuple(members), every.temperature, smooth, hypotheses.priors)
         )
     return named
+
+
+def _separable(members: Iterable[ClassMember], cause: Hypothesis) -> list[tuple[Hypothesis, float]]:
+    """The members of a cause's class with their probabilities. What all actuators have alike counts as the cause: no poses
+    distinguish the two."""
+    found: dict[Hypothesis, float] = {}
+    for m in members:
+        same = cause.site == "frame" and m.beside is not None and m.hypothesis.effect.alike
+        one = cause if same else m.hypothesis
+        found[one] = found.get(one, 0.0) + m.probability
+    return list(found.items())
 
 
 def plan(

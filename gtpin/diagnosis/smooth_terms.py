@@ -201,10 +201,11 @@ def _aside_coordinates(at: OperatingPoints, j: int, priors: Priors) -> Functions
     """Functions of the coordinates on which the motion of actuator j across its track or axis may depend."""
     yield (f"q{j + 1}",), *cosines(at.travel[:, j], 1, smooth_orders(at, j, ROUGH_ASIDE), 1.0)
     for over, waves, size in _conditions(at):
-        if over != ("session",):  # also multiplied by the place along the track
+        if over != ("session",):  # also times the place along the track, and a bend, which has a constant part too
             some, s = waves[:, :4], size[:4]
-            waves = np.hstack([some, some * at.travel[:, [j]]])
-            size = np.concatenate([s, priors.smooth_change * s])
+            bend = np.hstack([np.ones((len(at), 1)), some]) * wave(at.travel[:, [j]], 2)
+            waves = np.hstack([some, some * at.travel[:, [j]], bend])
+            size = np.concatenate([s, priors.smooth_change * np.concatenate([s, [np.linalg.norm(s)], s])])
         yield over, waves, size
     yield from _load(at, j, 3)
     yield from _moves(at, j, 2)

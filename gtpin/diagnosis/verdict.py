@@ -13,6 +13,7 @@ from gtpin.diagnosis.classes import (
     class_of,
     ranked,
     with_all_actuators,
+    with_equal_actuators,
     with_shared_loads,
     with_two_instead,
 )
@@ -210,7 +211,8 @@ def decide(hypotheses: HypothesisSet, guess: Posterior[Term] = NOTHING) -> Concl
             del classes[cause]
     if not needed:  # where something is unknown, the second of two would explain that, not what the cause explains
         classes = dict(with_two_instead(hypotheses, named, classes))
-    classes = dict(with_all_actuators(hypotheses, named, with_shared_loads(hypotheses, named, classes)))
+    for more in (with_shared_loads, with_all_actuators, with_equal_actuators):
+        classes = dict(more(hypotheses, named, classes))
     doubts = tuple(Doubt("smooth_term", term.site, term.over) for term in needed)
     model, unknown = hypotheses.only(named, causes(named)), hypotheses.only(named, needed)
     found = Conclusion(model, classes, doubts, unknown, likely=tuple(instead))

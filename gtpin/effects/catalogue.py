@@ -38,8 +38,10 @@ ORDER = [
     "target_offset",
     "target_drift",
     "target_shift",
+    "measurement_delay",
 ]
-"""Order of effects in results: from the drives to the target. Effects that are not in it follow, by their ids."""
+"""Order of effects in results: from the drives to the target and the readings. Effects that are not in it follow, by their
+ids."""
 
 
 def _of_this_folder() -> tuple[type[Effect], ...]:

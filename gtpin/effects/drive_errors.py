@@ -209,6 +209,7 @@ class ServoLag(Effect):
     remedy = "Measure at rest or slower; check position gain and velocity feed-forward."
     coefficient = ("lag", "s")
     of_travel = True
+    alike = True  # position loops are tuned alike, so that the tool stays on its path
     between_visits = True
     core = (0,)
     expected_range: ClassVar[Mapping[str, ParameterRange]] = {

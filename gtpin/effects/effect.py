@@ -152,6 +152,8 @@ class Effect(ABC):
     load: ClassVar[str] = ""
     """The load at its site under which what is there gives way. Mechanisms of one load at one site can share it: a base that
     rocks, and the column on it that bends. Empty where nothing gives way under a load."""
+    alike: ClassVar[bool] = False
+    """Whether all actuators of a machine often have it alike. Together they can then look like an effect of the frame."""
     stretches_frame: ClassVar[bool] = False
     """Whether it scales all measured positions by one factor. If so, the smooth nonparametric terms contain no such scaling."""
     exported_as: ClassVar[
@@ -228,9 +230,9 @@ class Effect(ABC):
         """
         return np.ones(len(values), dtype=bool)
 
-    def least_sigma(self, robot: Chain, site: str, references: References, value: float) -> float:
-        """Smallest standard deviation of a value of the nonlinear parameter that poses like those of the fit can give."""
-        return 0.0
+    def ends(self, robot: Chain, site: str, references: References, value: float, sigma: float) -> tuple[float, float]:
+        """Values of the nonlinear parameter one standard deviation below and above one with the sigma of a scan."""
+        return value - sigma, value + sigma
 
     def nature_of(self, lines: Sequence[tuple[float, float]]) -> Nature:
         """Its nature with some values of the nonlinear parameter, each with its standard deviation."""

@@ -78,6 +78,9 @@ class Modulation:
     bending: float = 0.25
     """Shifts of a tool across its axis over those along it, where it drifts. Assumed: it grows along its axis, and bends where
     it warms up unevenly."""
+    holder: float = 1.0
+    """Change of a delay when the speed doubles, and difference of the delays of orientations and positions, over the delay.
+    Derived for a target on a soft holder: 1 where its lag grows with the square of the speed, as drag does, or has no turn."""
     wander: float = 0.05
     """Shift of the measured positions where the instrument's scale varies, in m times the scale. Assumed: the instrument is
     some metres away, and only a part of its scale varies."""

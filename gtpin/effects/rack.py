@@ -102,13 +102,15 @@ class RackPeriodic(Effect):
         apart = np.abs(cycles[:, None] - known).min(axis=1) * span
         return np.asarray(apart >= APART)
 
-    def least_sigma(self, robot: Chain, site: str, references: References, value: float) -> float:
-        """Of a period that the fit has seen less than twice: what half a period more or less in the same range makes of it."""
-        if not turning_joint(robot, site):
-            return 0.0
-        lower, upper = (float(ends[robot.sites.index(site)]) for ends in references.commands)
-        seen = (upper - lower) / value
-        return value * APART / seen if seen < FEW_PERIODS else 0.0
+    def ends(self, robot: Chain, site: str, references: References, value: float, sigma: float) -> tuple[float, float]:
+        """Of a period that the fit has seen less than twice: at least half a period more or less in the same range, up to one
+        period a turn."""
+        if turning_joint(robot, site):
+            lower, upper = (float(ends[robot.sites.index(site)]) for ends in references.commands)
+            if upper - lower < FEW_PERIODS * value:
+                more = max(sigma / value**2, APART / (upper - lower))
+                return 1.0 / (1.0 / value + more), max(1.0 / max(1.0 / value - more, 1.0 / TURN), value)
+        return super().ends(robot, site, references, value, sigma)
 
     def nature_of(self, lines: Sequence[tuple[float, float]]) -> Nature:
         """A profile where more than ``MOST_GEARS`` periods have no common gear: they describe a rough drive."""

@@ -8,15 +8,20 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from gtpin.model.dh_chain import LOCAL, DhChain
 from gtpin.model.model import Model
+from gtpin.model.place import free_motions
 from gtpin.robot.chain import Chain
 from gtpin.robot.constrained_model import Actuator
 from gtpin.robot.geometry import Geometry
 from gtpin.robot.parameters import rotation_axes
 from gtpin.typing import Floats
 
-PARALLEL = 1e-6
-"""Sine of the angle between two axes below which they are parallel."""
+PARALLEL = 0.01
+"""Sine of the angle between two axes below which their common normal is no parameter of a table (Hayati): 20 tolerances of
+0.5 mrad. Assumed."""
+ZERO = 1e-6
+"""Length, m or of a unit vector, that counts as zero."""
 TURNS = ("theta", "alpha", "beta", "ra", "rb")
 """Names of angles."""
 DETERMINED = 0.5
@@ -29,10 +34,10 @@ class DhParameter:
     """One parameter of an arm's table.
 
     ``site``: the joint, or ``tool``. ``name``: ``theta`` (the angle at command 0), ``d``, ``a``, ``alpha``, and ``beta``, a
-    rotation about the frame's y axis, in the place of ``d`` where the next axis is parallel (Hayati); of the tool ``x`` to
-    ``rz`` in the TCP frame. ``nominal``, ``correction``, ``sigma``: m or rad, as ``unit`` says; ``sigma`` is NaN for a nominal
-    geometry. ``determined``: whether the data determine it; all corrections belong together. ``motion``: (p,) deviations of
-    the geometry's parameters that it causes, per unit.
+    rotation about the frame's y axis, in the place of ``d`` where the next axis is nearly parallel (Hayati); of the tool ``x``
+    to ``rz`` in the TCP frame, one after the other. ``nominal``, ``correction``, ``sigma``: m or rad, as ``unit`` says;
+    ``sigma`` is NaN for a nominal geometry. ``determined``: whether the data determine it; all corrections belong together.
+    ``motion``: (p,) deviations of the geometry's parameters that it causes, per unit.
     """
 
     site: str
@@ -59,9 +64,13 @@ def table_with_base(model: Model) -> tuple[DhParameter, ...]:
     """The rows of :func:`controller_table` after those of the first axis: shifts ``a``, ``b`` across it, m, and tilts ``ra``,
     ``rb``, rad, of the site ``base``, about the directions of :func:`~gtpin.robot.parameters.rotation_axes`.
 
-    The placements of a calibration are redundant parameters; those of a table are minimal. Its corrections d are the weighted
-    least squares estimate from the calibration's deviations m with covariance C, where V d are the deviations that d causes:
-    ``(V' C^-1 V)^-1 V' C^-1 m``. The pose of the first axis in the base frame, which no table has, is estimated with them.
+    The placements of a calibration are redundant parameters; those of a table are minimal. The corrections d are first the
+    weighted least squares estimate from the calibration's deviations m with covariance C, where V d are the deviations that d
+    causes: ``(V' C^-1 V)^-1 V' C^-1 m``. The pose of the first axis in the base frame, which no table has, is estimated with
+    them. The estimate is exact to first order: :meth:`~gtpin.model.dh_chain.DhChain.equal_to` then finds the table whose poses
+    are those of the calibrated geometry.
+
+    Where the place of the measured target was unknown, the tool stays as it is, and the last joint has ``d`` too.
     """
     geometry, covariance, chain = model.geometry, model.covariance, chain_of(model.robot)
     size = len(geometry.parameters)
@@ -69,16 +78,19 @@ def table_with_base(model: Model) -> tuple[DhParameter, ...]:
         return ()
     if model.joint_covariance is not None:
         covariance = model.joint_covariance[:size, :size]
-    rows, V = _directions(geometry)
-    if covariance is None or not geometry.deviation.any():
+    rows, V, table = _directions(geometry, free_target=model.free_target)
+    if not geometry.deviation.any():
         return tuple(DhParameter(*row, 0.0, np.nan, False, way) for row, way in zip(rows, V.T, strict=True))
-    # A free target's deviations count from where it was seen at first.
-    start = np.zeros(V.shape[1])
-    start[-6:] = [p.nominal for p in geometry.parameters if p.kind == "platform"]
-    half = np.linalg.solve(covariance, V)
+    prior = np.diag(geometry.tolerance**2)
+    half = np.linalg.solve(prior if covariance is None else covariance, V)
     spread = np.linalg.inv(V.T @ half)
-    found, sigma = start + spread @ (half.T @ geometry.deviation), np.sqrt(np.diag(spread))
-    before = np.sqrt(np.diag(np.linalg.inv((V / geometry.tolerance[:, None] ** 2).T @ V)))
+    sigma = np.full(len(rows), np.nan) if covariance is None else np.sqrt(np.diag(spread))
+    before = np.sqrt(np.diag(np.linalg.inv(V.T @ np.linalg.solve(prior, V))))
+    start, stands = spread @ (half.T @ geometry.deviation), free_motions(model)
+    known = np.array([not (model.free_target and row[0] == "tool") for row in rows])
+    found = table.equal_to(
+        Model(geometry.at_tool()), np.where(known, start, 0.0), spread * np.outer(known, known), stands
+    )
     columns = zip(rows, found, sigma, sigma <= DETERMINED * before, V.T, strict=True)
     return tuple(DhParameter(*row, float(c), float(s), bool(known), way) for row, c, s, known, way in columns)
 
@@ -91,71 +103,98 @@ def chain_of(robot: Chain) -> tuple[Actuator, ...]:
     return tuple(of[joint] for joint in robot.moving_joints)
 
 
-def _directions(geometry: Geometry) -> tuple[list[tuple[str, str, str, float]], Floats]:
-    """Site, name, unit and nominal value of each row, the base's first; (p, r) motion of the geometry's parameters by each."""
+def _directions(geometry: Geometry, *, free_target: bool) -> tuple[list[tuple[str, str, str, float]], Floats, DhChain]:
+    """Site, name, unit and nominal value of each row, the base's first; (p, r) motion of the geometry's parameters by each; and
+    the table as a chain of motions."""
     robot = geometry.robot
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.with_commands(robot.neutral, np.zeros(robot.n_actuators)))
     rows: list[tuple[str, str, str, float]] = []
     motions: list[tuple[int, Floats]] = []
+    parts: list[tuple[Any, int | None, int | None]] = []
     placing: dict[int, list[tuple[int, Floats]]] = {}  # by joint: the parameters that displace it, and their twists
     for i, p in enumerate(geometry.parameters):
         for frame, twist in p.moves:
             placing.setdefault(frame + 1, []).append((i, twist))
 
-    def add(site: str, name: str, value: float, joint: int, twist: Any) -> None:
+    def add(site: str, name: str, value: float, joint: int, twist: Any, local: Any, command: int | None = None) -> None:
+        parts.append((local, len(rows), command))
         rows.append((site, name, "rad" if name in TURNS else "m", value))
         motions.append((joint, np.asarray(data.oMi[joint].actInv(twist).vector)))
 
     actuators = chain_of(robot)
     first = actuators[0]
-    across = dict(zip("ab", rotation_axes(first.axis), strict=False))
-    for name, axis in across.items():
-        add("base", name, 0.0, first.joint_id, pin.Motion(axis, np.zeros(3)))
-    for name, axis in across.items():
-        add("base", f"r{name}", 0.0, first.joint_id, _about(axis, first.origin))
+    for name, axis in zip("ab", rotation_axes(first.axis), strict=False):
+        shift = pin.Motion(axis, np.zeros(3))
+        add("base", name, 0.0, first.joint_id, shift, shift)
+    for name, axis in zip("ab", rotation_axes(first.axis), strict=False):
+        tilt = _about(axis, first.origin)
+        add("base", f"r{name}", 0.0, first.joint_id, tilt, tilt)
     x_before: Floats | None = None
     origin = first.origin - first.axis * (first.origin @ first.axis)  # the foot of the base frame's origin
     for own, after in zip(actuators, [*actuators[1:], None], strict=True):
-        z = own.axis
+        z, command = own.axis, robot.sites.index(own.site)
+        turn, slide = _about(z, own.origin), pin.Motion(z, np.zeros(3))
+        of_theta, of_d = (command, None) if own.revolute else (None, command)
         if after is None:
+            if x_before is None:
+                parts.append((_frame(rotation_axes(z)[0], z, origin), None, None))
             if own.revolute:
-                add(own.site, "theta", 0.0, own.joint_id, _about(z, own.origin))
-            else:
-                add(own.site, "d", 0.0, own.joint_id, pin.Motion(z, np.zeros(3)))
+                add(own.site, "theta", 0.0, own.joint_id, turn, LOCAL["theta"], of_theta)
+            if free_target or not own.revolute:
+                add(own.site, "d", 0.0, own.joint_id, slide, LOCAL["d"], of_d)
             break
         normal, between, d = np.cross(z, after.axis), after.origin - origin, 0.0
         parallel = bool(np.linalg.norm(normal) <= PARALLEL)
-        if parallel:
-            normal = between - z * (between @ z)
+        if parallel:  # where the next axis meets the plane across this one
+            normal = between - after.axis * (between @ z) / (after.axis @ z)
         else:
             d = float(np.cross(between, after.axis) @ normal / (normal @ normal))
-        if np.linalg.norm(normal) > PARALLEL:
+        if np.linalg.norm(normal) > ZERO:
             x = normal / np.linalg.norm(normal)
         else:  # the axes are one line: any direction across it
             x = np.linalg.svd(z[None])[2][1] if x_before is None else x_before
-        if x_before is not None and x @ x_before < -PARALLEL:
+        if x_before is not None and x @ x_before < -ZERO:
             x = -x  # theta at command 0 is between -90 and 90 degrees
+        if x_before is None:
+            parts.append((_frame(x, z, origin), None, None))
         theta = 0.0 if x_before is None else float(np.arctan2(np.cross(x_before, x) @ z, x_before @ x))
         foot = origin + d * z
-        a = float((after.origin - foot) @ x)
-        alpha = float(np.arctan2(np.cross(z, after.axis) @ x, z @ after.axis))
-        origin, x_before = foot + a * x, x
+        y = np.cross(z, x)
+        alpha, beta = float(np.arctan2(-(after.axis @ y), after.axis @ z)), float(np.arcsin(after.axis @ x))
+        a = float((normal if parallel else after.origin - foot) @ x)
         if own.revolute or not parallel:
-            add(own.site, "theta", theta, own.joint_id, _about(z, own.origin))
+            add(own.site, "theta", theta, own.joint_id, turn, LOCAL["theta"], of_theta)
+        elif theta:
+            parts.append((pin.exp6(LOCAL["theta"] * theta), None, None))  # no row of what slides along the next axis
         if not parallel or not own.revolute:
-            add(own.site, "d", d, own.joint_id, pin.Motion(z, np.zeros(3)))
-        add(own.site, "a", a, after.joint_id, pin.Motion(x, np.zeros(3)))
-        add(own.site, "alpha", alpha, after.joint_id, _about(x, origin))
+            add(own.site, "d", d, own.joint_id, slide, LOCAL["d"], of_d)
+        origin = foot + a * x
+        add(own.site, "a", a, after.joint_id, pin.Motion(x, np.zeros(3)), LOCAL["a"])
+        add(own.site, "alpha", alpha, after.joint_id, _about(x, origin), LOCAL["alpha"])
+        x_before = x
         if parallel:
-            add(own.site, "beta", 0.0, after.joint_id, _about(np.cross(z, x), origin))
+            y = np.cos(alpha) * y + np.sin(alpha) * z
+            add(own.site, "beta", beta, after.joint_id, _about(y, origin), LOCAL["beta"])
+            x_before = np.cross(y, after.axis)
     V = np.zeros((len(geometry.parameters), len(motions)))
     for k, (joint, twist) in enumerate(motions):
         columns, twists = zip(*placing[joint], strict=True)
         V[list(columns), k] = np.linalg.solve(np.column_stack(twists), twist)
     tool = [i for i, p in enumerate(geometry.parameters) if p.kind == "platform"]
+    zero = np.zeros((1, robot.n_actuators))
+    tcp = Model(Geometry.nominal(robot)).kinematics.forward(zero)
+    last, _ = DhChain(parts, values := np.array([value for *_, value in rows])).at(values, zero[0])
+    parts.append((last.inverse() * pin.SE3(tcp.R[0], tcp.T[0]), None, None))
+    for k, i in enumerate(tool):
+        parts.append((pin.Motion(np.eye(6)[geometry.parameters[i].component]), len(rows) + k, None))
     rows += [("tool", p.name.split(".")[-1], p.unit, 0.0) for p in (geometry.parameters[i] for i in tool)]
-    return rows, np.hstack([V, np.eye(len(V))[:, tool]])
+    return rows, np.hstack([V, np.eye(len(V))[:, tool]]), DhChain(parts, np.array([value for *_, value in rows]))
+
+
+def _frame(x: Floats, z: Floats, origin: Floats) -> Any:
+    """The placement of a frame with axes x and z."""
+    return pin.SE3(np.column_stack([x, np.cross(z, x), z]), origin)
 
 
 def _about(axis: Floats, point: Floats) -> Any:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtpin.accuracy.expected import Uncertainty, response
+from gtpin.accuracy.expected import Uncertainty, response, unexplained_error
 from gtpin.accuracy.workspace import FLAT, default_commands
 from gtpin.calibration.observability import Remedy
 from gtpin.calibration.result import Calibration, InstrumentFit
@@ -48,6 +48,9 @@ def elsewhere(c: Calibration) -> list[str]:
     known = [one.left_out for one in c.by_instrument if one.kind == "tracker" and one.unit == "m"]
     if not known or expected <= max(known):
         return []
+    kinematics = c.model.kinematics
+    left = unexplained_error(c.model, kinematics.command_jacobian(q, kinematics.forward(q)))
+    expected = float(np.hypot(expected, np.sqrt(3.0) * left))
     poses = c.model.predict(c.dataset.q[c.used(c.dataset)]).T
     sizes = np.ptp(poses, axis=0)
     box = " x ".join(f"{size:.2g}" for size in sizes[sizes > FLAT * sizes.max()])

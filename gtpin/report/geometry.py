@@ -37,6 +37,10 @@ WORDS = {
     "base.rb": "first axis, tilt about b",
 }
 """Zeros, and parameters of Denavit and Hartenberg, in words, by name or quantity."""
+PLACED = {"placement": "joint {site}", "platform": "tool", "tool": "tool", "anchor": "anchor {site}"}
+"""What has a place in a frame of its own, in words."""
+AXES = {axis: f"shift along {axis}" for axis in "xyz"} | {f"r{axis}": f"tilt about {axis}" for axis in "xyz"}
+"""How it changed along or about an axis of that frame, in words."""
 COMMON = {
     "track_direction": "tilt of all tracks",
     "arm_axis": "tilt of all axes of the arms",
@@ -62,6 +66,9 @@ def departure_words(one: Departure) -> str:
     """A parameter in words, else its name."""
     if one.reversed:
         return f"length |a| of {one.site}"
+    part, _, axis = one.name.rpartition(".")
+    if axis in AXES and part.partition("[")[0] in PLACED:
+        return f"{PLACED[part.partition('[')[0]].format(site=one.site)}, {AXES[axis]}"
     return WORDS.get(one.name if one.site in ("base", "tool") else one.what, one.name).format(site=one.site)
 
 

@@ -180,11 +180,15 @@ def parameter_rows(cause: Cause) -> list[list[str]]:
     return rows
 
 
+TWO_AXES = {"difference": "more about a than b", "skew": "about a by a load about b"}
+"""Parameters of what gives way about two axes a and b, in words."""
+
+
 def _in_words(name: str) -> str:
     """The name of a parameter of an effect; ``end_to_end[2]`` is the change along the range of the second other drive."""
     words, _, number = name.replace("_", " ").rstrip("]").partition("[")
     if words != "end to end" or not number:
-        return name.replace("_", " ")
+        return TWO_AXES.get(name, name.replace("_", " "))
     return f"{ORDINALS.get(number, f'{number}th')} other drive"
 
 

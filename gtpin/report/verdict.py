@@ -8,6 +8,7 @@ from operator import attrgetter
 
 import numpy as np
 
+from gtpin.diagnosis.jumps import jump_times
 from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS
 from gtpin.diagnosis.result import Cause, Considered, Correlate, Diagnosis, Findings, Gap, InstrumentGap
 from gtpin.diagnosis.trials import kind
@@ -250,7 +251,7 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
             "known effects."
         )
     moved = "The unknown error can change the parameters of the geometry by more than their sigmas."
-    advice = [nearest(d), look, *doubt_words(d.doubts), *could_be(d), moved]
+    advice = [nearest(d), look, *_jumping(d), *doubt_words(d.doubts), *could_be(d), moved]
     lines = cause_lines(d, most=1)
     if lines:
         headline = f"Also {headline[:1].lower()}{headline[1:]}"
@@ -258,6 +259,19 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
     else:
         advice.append("The corrected model has the calibrated geometry alone: no known effect is probable enough.")
     return [*lines, headline], advice
+
+
+def _jumping(d: Diagnosis) -> list[str]:
+    """That the unknown error jumps in time, where it does, and that sessions would show whether a zero or the frame moved."""
+    over_time = [one.site for one in d.unexplained.correlates[:1] if one.coordinates == "time"]
+    times = [t for site in over_time for t in jump_times(d.dataset, d.model, d.baseline.used(d.dataset), site)]
+    if not times:
+        return []
+    at = joined([quantity(t, "s") for t in times])
+    return [
+        f"The error at {site_words(over_time[0])} jumps at {at}: if the machine was homed there, restarted or measured from "
+        "another place, add a column session with a name for each part, and diagnose again."
+    ]
 
 
 def _remedies(d: Diagnosis, causes: Sequence[Cause]) -> list[str]:

@@ -206,10 +206,13 @@ class Geometry:
 
     def at_tool(self) -> Self:
         """The geometry with the TCP where the robot's file has it, within the robot's tolerances, in the place of a free
-        target; the same where there is none. Data of a free target do not show where the tool sits on its link."""
+        target; the same where there is none. Data of a free target do not show where the tool sits on its link: its
+        tolerances are wider than the robot's by the factor that a calibration found for all others."""
         if self.target is None:
             return self
-        own = {p.name: p for p in placement_parameters(self.robot, all_tolerances(self.robot, {}))}
+        wider = min((p.widened for p in self.parameters if p.kind != "platform"), default=1.0)
+        nominal = placement_parameters(self.robot, all_tolerances(self.robot, {}))
+        own = {p.name: replace(p, tolerance=wider * p.tolerance, widened=wider) for p in nominal}
         parameters = tuple(own[p.name] if p.kind == "platform" else p for p in self.parameters)
         values = [0.0 if p.kind == "platform" else value for p, value in zip(self.parameters, self.values, strict=True)]
         return replace(self, parameters=parameters, values=np.array(values))

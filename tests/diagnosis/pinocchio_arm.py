@@ -31,6 +31,8 @@ class Campaign:
     time: Floats
     session: Floats
     payload: Floats
+    speed: Floats
+    """(N, 6) of the joints, rad/s."""
 
 
 Deviation = Callable[[Campaign], Floats]
@@ -46,11 +48,12 @@ def measured(
     ranges: tuple[Floats, Floats] = (MIDDLE, HALF),
     payloads: Sequence[float] = (0.0, 2.0, 4.0),
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
+    fastest: float = 0.0,
 ) -> gtpin.Dataset:
     """Poses of the arm as a tracker measures them, with causes beside wrong placements. The arm hangs where ``gravity`` says.
 
     ``joints``, ``tool``, ``frame``: the causes. ``ranges``: middle and half of the ranges of the commands. ``payloads``: what
-    is carried, kg.
+    is carried, kg. ``fastest``: largest speed of a joint, rad/s; recorded where it is not 0.
     """
     rng = np.random.default_rng(seed)
     model = pin.buildModelFromUrdf(str(URDF))
@@ -67,7 +70,9 @@ def measured(
     model.inertias[6] = bare
     time = np.sort(rng.uniform(0.0, 5000.0, poses))
     approach = rng.choice([-1.0, 1.0], (poses, 6))
-    campaign = Campaign(q, moment, approach, time, (4.0 * np.arange(poses) / poses).astype(int), payload)
+    session = (4.0 * np.arange(poses) / poses).astype(int)
+    speed = fastest * approach * np.random.default_rng([seed, 1]).uniform(0.1, 1.0, (poses, 6))
+    campaign = Campaign(q, moment, approach, time, session, payload, speed)
     for i in range(1, 7):
         model.jointPlacements[i] = model.jointPlacements[i] * pin.exp6(OFF * rng.standard_normal(6))
     moved = q + (0.0 if joints is None else joints(campaign))
@@ -90,6 +95,7 @@ def measured(
             "session": np.array([f"day{k}" for k in campaign.session], dtype=object),
             "payload": payload,
             **{f"approach{i + 1}": approach[:, i] for i in range(6)},
+            **{f"speed{i + 1}": speed[:, i] for i in range(6) if fastest},
         },
         {"position_sigma": SHIFT, "orientation_sigma": TURN},
     )

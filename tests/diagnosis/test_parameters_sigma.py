@@ -38,7 +38,7 @@ def off(effect: str, site: str, machine: int) -> dict[str, float]:
     hypothesis = Hypothesis(known, site)
     references = observed.operating_points(baseline.model).references
     model = fit_together(observed, baseline.model, [hypothesis], [scale], references)
-    found = estimates(model.robot, model.effects[0], hypothesis)
+    found = estimates(model.robot, model.effects[0], np.zeros((0, 2, 1)))
     true = true_parameters(difficulty, best, displacement)
     return {name: (e.value - true[name]) / e.sigma for name, e in found.items()}
 

@@ -12,7 +12,7 @@ PAGE = ROOT / "docs" / "statistics.md"
 TEXT = PAGE.read_text(encoding="utf-8")
 DERIVATION = TEXT.split("## Numbers that influence a verdict")[0]
 NO_CONSTANTS = {"site", "none", "explained", "ambiguous", "unknown", "station"}
-NO_CONSTANTS |= {"best_scales", "errors_beyond_noise", "least_sigma", "FittedLines"}
+NO_CONSTANTS |= {"best_scales", "errors_beyond_noise", "ends", "FittedLines"}
 """Words in code style that are values, columns or functions."""
 
 

@@ -14,7 +14,7 @@ from with_effects import active
 
 import gtpin
 from gtpin.export import export
-from gtpin.export.loss import with_losses
+from gtpin.export.loss import assumed_tool, with_losses
 
 UR5 = gtpin.read_model("ur5")
 RNG = np.random.default_rng(0)
@@ -81,3 +81,12 @@ def reductions(file: Path) -> dict[str, float]:
         assert joint is not None
         found[joint.get("name", "")] = float(reduction.text or "nan")
     return found
+
+
+def test_the_place_of_an_assumed_tool_has_the_tolerances_that_the_fit_widened() -> None:
+    nominal = gtpin.read_model("ur5").geometry
+    seen = tuple(replace(p, nominal=0.07) if p.name == "platform.z" else p for p in nominal.parameters)
+    geometry = replace(nominal, parameters=seen, values=np.array([p.nominal for p in seen]))
+    for factor, words in ((1.0, "to 0.5 mm and 0.5 mrad"), (3.0, "to 1.5 mm and 1.5 mrad")):
+        (said,) = assumed_tool(gtpin.Model(geometry.with_tolerances(np.full(len(seen), factor))))
+        assert words in said

@@ -141,6 +141,7 @@ ROOMS = (
     "gap",
     "leaders",
     "doubts",
+    "jumps",
     "trials",
     "discrimination",
     "next_experiment",

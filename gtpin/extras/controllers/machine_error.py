@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtpin.accuracy.expected import Undetermined
+from gtpin.accuracy.expected import Undetermined, unexplained_error
 from gtpin.compensation.machine import CompensatedMachine, machine_at
 from gtpin.data.instrument_tables import PlaneTable
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import ModelError
 from gtpin.export.box import Box
 from gtpin.export.loss import both_approaches, postures, um
-from gtpin.extras.certificate.held_against import ModelPosterior, at_commands, by_unknowns, prior_sizes
+from gtpin.extras.certificate.held_against import ModelPosterior, at_commands, by_commands, by_unknowns, prior_sizes
 from gtpin.extras.controllers.towers import DIMENSIONS, Drives, TowerFit, Towers
 from gtpin.model.model import Model
 from gtpin.model.place import free_motions, without_place
@@ -39,35 +39,46 @@ the setting would follow the tolerances more than the measurements."""
 class OpenDirections:
     """What the data leave open of a machine: ``moved`` (N, 3, k) motions of the TCP, m, for k independent standard normal
     unknowns; ``unexplained``: one sigma, m, per axis, of errors that differ from pose to pose; ``parts``: those of the motions,
-    with where the machine stands, which ``moved`` has not if the instrument was free; None: not distinguished."""
+    with where the machine stands, which ``moved`` has not if the instrument was free; None: not distinguished.
+    ``noise_known``: False: noise of the instrument is among the unexplained errors."""
 
     moved: Floats
     unexplained: float
     parts: Undetermined | None = None
+    noise_known: bool = True
 
     def rms(self, residual: Floats, axes: slice = slice(0, 3)) -> tuple[float, float, float]:
         """Root mean square error of the machine, m, expected and the ends of a 95 % interval over the machines that the data
-        allow; ``residual`` (N, 3): the error, m, of the machine that the model is."""
+        allow; ``residual`` (N, 3): the error, m, of the machine that the model is. The lower end is without unexplained errors
+        where all of them can be noise."""
         e, R = residual[:, axes], self.moved[:, axes]
         flat, n = R.reshape(-1, R.shape[2]), len(residual)
         square, cross = flat.T @ flat / n, flat.T @ e.ravel() / n
-        fixed = float((e**2).sum() / n) + e.shape[1] * self.unexplained**2
+        fixed, fresh = float((e**2).sum() / n), e.shape[1] * self.unexplained**2
         z = np.random.default_rng(0).standard_normal((DRAWS, len(square)))
         power = fixed + 2.0 * z @ cross + np.einsum("di,ij,dj->d", z, square, z, optimize=True)
-        low, high = np.sqrt(np.maximum(np.quantile(power, INTERVAL), 0.0))
-        return float(np.sqrt(fixed + np.trace(square))), float(low), float(high)
+        least = np.array([fresh if self.noise_known else 0.0, fresh])
+        low, high = np.sqrt(np.maximum(np.quantile(power, INTERVAL) + least, 0.0))
+        return float(np.sqrt(fixed + fresh + np.trace(square))), float(low), float(high)
 
     @property
     def words(self) -> str:
         """The parts as text, um."""
-        none = np.zeros_like(self.moved[..., 0])
         if self.parts is None:
-            return f"{um(self.rms(none)[0])} um"
+            return f"{um(replace(self, unexplained=0.0).rms(np.zeros_like(self.moved[..., 0]))[0])} um"
         base, tool = self.parts.base, self.parts.tool
         named = [f"where the machine stands, {um(base)} um (not in this error)"] if base > LEAST else []
         named += [f"where the tool sits, {um(tool)} um"] if tool > LEAST else []
-        rest = um(float(np.hypot(self.parts.rest, np.sqrt(3.0) * self.unexplained)))
+        rest = um(self.parts.rest)
         return f"{', '.join(named)}; everything else, {rest} um" if named else f"{rest} um"
+
+    @property
+    def of_model(self) -> str:
+        """What the model does not explain, as a sentence; empty for nothing."""
+        if self.unexplained <= LEAST:
+            return ""
+        noise = "" if self.noise_known else " (noise of the instrument is in it, because it is not known)"
+        return f"Not explained by the model, of the data of its fit: {um(np.sqrt(3.0) * self.unexplained)} um{noise}. "
 
 
 def touches_one_plane(model: Model) -> bool:
@@ -84,17 +95,17 @@ def motions_of_no_error(model: Model) -> Floats:
 
 
 def open_directions(machine: CompensatedMachine, whole: Model, q: Floats) -> OpenDirections | None:
-    """What the data leave open at commands q (N, n), without :func:`motions_of_no_error`; None where the uncertainty of the
-    geometry is not known. ``whole``: the model with its instruments.
+    """What the data leave open at commands q (N, n), without :func:`motions_of_no_error`, and what the model does not explain;
+    None where the uncertainty of the geometry is not known. ``whole``: the model with its instruments.
     """
     if machine.model.covariance is None:
         return None
-    at, unexplained = _at(machine, q), whole.unexplained
+    at = _at(machine, q)
     moved = (by_unknowns(machine.model, at) @ ModelPosterior(machine.model).root)[:, :3]
     parts = None if touches_one_plane(whole) else Undetermined.of(whole, moved, at.poses)
     moved = without_place(moved, at.poses.T, motions_of_no_error(whole))
-    left = unexplained.position if unexplained is not None and unexplained.noise_known else 0.0
-    return OpenDirections(moved, left, parts)
+    known = whole.unexplained is None or whole.unexplained.noise_known
+    return OpenDirections(moved, unexplained_error(whole, by_commands(machine.model, at)), parts, known)
 
 
 def left_of_commands(model: Model, q: Floats, where: str) -> tuple[str, ...]:
@@ -214,8 +225,8 @@ def machine_words(
     lost = _rms(after)
     held = "The file holds the model exactly." if lost < LEAST else f"The file can't hold {um(lost)} um of the model."
     return (
-        f"an expected error of the machine's TCP of {found}{of} um in {where} (95 %: {low} to {high} um; {up}). {held} Not "
-        f"determined by the data: {doubt.words}"
+        f"an expected error of the machine's TCP of {found}{of} um in {where} (95 %: {low} to {high} um; {up}). {held} "
+        f"{doubt.of_model}Not determined by the data: {doubt.words}"
     )
 
 

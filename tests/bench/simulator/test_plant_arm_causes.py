@@ -19,7 +19,7 @@ CONTRACT = {
     "encoder_scale linearity rack_periodic zero_shift backlash servo_lag cross_coupling joint_compliance bearing_compliance "
     "axis_motion joint_clearance": ARM.sites,
     "link_compliance thermal_links": ("arm", *ARM.link_sites),
-    "tracker_drift frame_shift tracker_scale": ("frame",),
+    "tracker_drift frame_shift tracker_scale measurement_delay": ("frame",),
     "target_offset target_drift target_shift": ("platform",),
 }
 TURNING = [site for site, slides in zip(ARM.sites, ARM.slides, strict=True) if not slides]

@@ -1,5 +1,7 @@
 """What each cause does to machines of every kind, on rods, open chains and loops."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from plant_machines import LOOPED, ROBOTS, a_plant, cause, plant_robot
@@ -85,6 +87,20 @@ def test_servo_lag_is_nothing_at_rest_and_behind_the_motion(name: str, site: str
     speed, lag = plant.visits.speed[:, number], cause(name, "servo_lag", site)(plant.ideal).travel[:, number]
     assert (lag[speed == 0.0] == 0.0).all()
     assert np.corrcoef(speed, lag)[0, 1] < -0.9
+
+
+@pytest.mark.parametrize("name", ["gantry_tau", "seven"])
+def test_late_positions_are_those_of_about_a_millisecond_before(name: str) -> None:
+    plant = a_plant(name, POSES[name])
+    moved = plant.displacement([(cause(name, "measurement_delay", "frame"), 1.0)])
+    now, visits = plant.ideal, plant.visits
+    before = type(now).of(now.machine, replace(visits, q=visits.q - 1e-3 * visits.speed)).poses.T - now.poses.T
+    still = (visits.speed == 0.0).all(axis=1)
+    assert still.any()
+    assert np.abs(moved[still]).max() < 1e-12
+    share = np.einsum("ni,ni->n", moved[~still, :3], before[~still]) / (before[~still] ** 2).sum(axis=1)
+    np.testing.assert_allclose(share, 1.0, atol=0.2)
+    assert np.abs(moved[:, 3:]).max() < 1e-12
 
 
 @pytest.mark.parametrize("name", ["gantry_tau", "seven"])

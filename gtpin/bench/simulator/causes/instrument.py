@@ -84,6 +84,20 @@ def tracker_scale(site: Site, rng: np.random.Generator) -> Cause:
     return cause
 
 
+def measurement_delay(site: Site, rng: np.random.Generator) -> Cause:
+    """Positions of 1 ms before, with orientations in time; the clocks of controller and instrument drift apart by 2 to 8 % of
+    that over the day."""
+    apart, part = curve(rng, 0.0, 1.0, 0.4, "twice"), rng.uniform(0.02, 0.08)
+
+    def cause(now: Postures) -> Deviation:
+        by_command = now.machine.command_jacobian(now.q, now.poses)[:, :3]
+        velocity = np.einsum("nij,nj->ni", by_command, now.visits.speed)
+        late = 1e-3 * (1.0 + part * apart(now.visits.phase))
+        return now.off(frame=(slice(0, 3), -late[:, None] * velocity))
+
+    return cause
+
+
 def target_offset(site: Site, rng: np.random.Generator) -> Cause:
     """100 um per axis; up to 0.1 % of it per 20 kg changes with the payload, and less over the day.
 

@@ -33,6 +33,7 @@ CATALOGUE = (
     CauseKind("frame_shift", "frame", instrument.frame_shift, ("session",)),
     CauseKind("target_drift", "platform", instrument.target_drift, newer=True),
     CauseKind("target_shift", "platform", instrument.target_shift, ("session",), newer=True),
+    CauseKind("measurement_delay", "frame", instrument.measurement_delay, ("speed",), newer=True),
     CauseKind("tracker_scale", "frame", instrument.tracker_scale, largest=10.0),
     CauseKind("target_offset", "platform", instrument.target_offset, largest=5.0),
 )
@@ -68,6 +69,7 @@ ARM_CATALOGUE = (
     CauseKind("frame_shift", "frame", instrument.frame_shift, ("session",)),
     CauseKind("target_drift", "platform", instrument.target_drift, newer=True),
     CauseKind("target_shift", "platform", instrument.target_shift, ("session",), newer=True),
+    CauseKind("measurement_delay", "frame", instrument.measurement_delay, ("speed",), newer=True),
     CauseKind("tracker_scale", "frame", instrument.tracker_scale, largest=6.0),
     CauseKind("target_offset", "platform", instrument.target_offset, largest=5.0),
 )
