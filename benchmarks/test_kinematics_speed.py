@@ -45,6 +45,18 @@ def test_arrays_of_many_postures(benchmark: Any, rods: Kinematics) -> None:
     benchmark.extra_info["postures"] = len(q)
 
 
+@pytest.mark.parametrize("name", [name for name in gtpin.robot_names() if gtpin.load_robot(name).constraints])
+def test_many_commands_that_a_shipped_robot_reaches(benchmark: Any, name: str) -> None:
+    robot = gtpin.load_robot(name)
+    kinematics = Kinematics(gtpin.Geometry.nominal(robot))
+    drawn = np.random.default_rng(0).uniform(robot.lower, robot.upper, (5000, robot.n_actuators))
+    q = drawn[kinematics.forward(drawn).reached][:2000]
+    poses = benchmark(kinematics.forward, q)
+    assert len(q) == 2000
+    assert poses.reached.all()
+    benchmark.extra_info["postures"] = len(q)
+
+
 def test_one_evaluation_of_the_six_constraints_and_their_jacobian(benchmark: Any, robot: gtpin.Robot) -> None:
     configuration, data, models = gtpin.home(robot).configuration, robot.model.createData(), robot.constraint_models
     of_loops = pin.StdVec_ConstraintData()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
@@ -120,6 +120,11 @@ class GtpinWarning(UserWarning):
     >>> import gtpin
     >>> warnings.simplefilter("error", gtpin.GtpinWarning)  # a warning is an error from here on
     """
+
+
+def listed(names: Sequence[str], most: int = 12) -> str:
+    """The first names as a text, and how many more there are."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 GIVE = {

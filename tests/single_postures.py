@@ -76,7 +76,7 @@ class Single:
             gaps = here.gaps
             if np.abs(gaps).max(initial=0.0) <= 1e-15 * self.robot.size:
                 break
-            V = self.robot.tree_velocity(-here._inverse @ gaps)
+            V = self.robot.fold[:, self.robot.passive] @ (-here._inverse @ gaps)
             here = Single(self.robot, q, pin.integrate(self.robot.model, here.X, V))
         assert np.abs(here.gaps).max(initial=0.0) <= 1e-14 * self.robot.size
         return here
@@ -130,7 +130,7 @@ class Single:
     def by_gaps(self, gaps: Floats) -> Floats:
         """(6 + k, ...) motion that closes gaps (3 L, ...) in the loops: of the TCP, and of the measured joints."""
         x = -self._inverse @ self.robot.closing(gaps)
-        own = [joint.passive for joint in self.robot.measured_joints]
+        own = np.searchsorted(self.robot.passive, [joint.index_v for joint in self.robot.measured_joints])
         return np.concatenate([self.tcp_jacobian[:, self.robot.passive] @ x, x[own]])
 
     @property

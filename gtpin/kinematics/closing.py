@@ -81,10 +81,6 @@ class Here:
         """Some of the postures."""
         return Here(self.X[rows], self.J[rows], self.oMi[rows], self.p[..., rows], self.g[..., rows])
 
-    def copy(self) -> Here:
-        """The same in arrays of its own."""
-        return Here(*(x.copy() for x in (self.X, self.J, self.oMi, self.p, self.g)))
-
     def put(self, rows: Ints, some: Here) -> None:
         """Write some postures into these arrays."""
         self.X[rows], self.J[rows], self.oMi[rows] = some.X, some.J, some.oMi
@@ -150,18 +146,16 @@ class LoopClosure:
         self.S, self.tcp = self.signs[:, self.joint_of], self.moves_tcp[self.joint_of].astype(float)
         self.parents = [int(parent) for parent in model.parents]
         self.driven = np.array(robot.driven, dtype=int)
-        self.passive = np.arange(model.nv)[robot.passive]
         self.fold, self.follows = robot.fold, bool(robot.followers)
         self.private = self._private()
         self.reduced = len(self.private) > 0
-        self.solved = np.setdiff1d(self.passive, self.private)
+        self.solved = np.setdiff1d(robot.passive, self.private)
         self.kept = np.setdiff1d(np.arange(model.nv), self.private)
         self.rank = robot.rank - self.private.size
         local = np.zeros((0, 3))
         if not self.reduced and self.count:
-            parts = [np.eye(3) if axes is None else axes for axes in robot.plane_axes]
-            local = np.concatenate(parts)
-            self.loop_of = np.repeat(np.arange(self.count), [len(part) for part in parts])
+            local = np.concatenate(robot.closed_axes)
+            self.loop_of = np.repeat(np.arange(self.count), [len(axes) for axes in robot.closed_axes])
             turned = np.array([np.asarray(M.rotation) for _, M in robot.anchors[::2]])
             local = np.einsum("eij,ej->ei", turned[self.loop_of], local)
         else:
@@ -173,17 +167,18 @@ class LoopClosure:
         )
         self._local = local
         """(E, 3) direction of each equation in the frame of the joint that carries the loop's first anchor."""
-        self._in_plane = any(axes is not None for axes in robot.plane_axes)
+        self._in_plane = any(map(len, robot.planes))
 
     def _private(self) -> Ints:
         """(L, 2) the two passive velocities of each loop that move nothing else; (0, 2) unless all loops have two."""
         none, measured = np.zeros((0, 2), dtype=int), (*self.robot.measured_joints, *self.robot.measured_links)
         if not self.count or self.follows or self.robot.rank < self.robot.n_passive or measured:
             return none
-        used = self.S[:, self.passive] != 0.0
-        alone = (used.sum(axis=0) == 1) & (self.tcp[self.passive] == 0.0)
-        own = [self.passive[used[loop] & alone] for loop in range(self.count)]
-        if any(axes is not None for axes in self.robot.plane_axes) or any(len(two) != 2 for two in own):
+        passive = self.robot.passive
+        used = self.S[:, passive] != 0.0
+        alone = (used.sum(axis=0) == 1) & (self.tcp[passive] == 0.0)
+        own = [passive[used[loop] & alone] for loop in range(self.count)]
+        if any(map(len, self.robot.planes)) or any(len(two) != 2 for two in own):
             return none
         return np.array(own)
 
@@ -297,38 +292,35 @@ class LoopClosure:
         ``here``: (N) postures to start from, with ``equations`` where they are known; both stay as they are.
         """
         n = len(here)
-        closed, steps, last = np.zeros(n, dtype=bool), np.zeros(n, dtype=int), np.full(n, np.inf)
-        whole = start = here
+        closed, lost, steps, last = np.zeros(n, bool), np.zeros(n, bool), np.zeros(n, int), np.full(n, np.inf)
         equations = self.equations(here) if equations is None else equations
-        rows, D = np.arange(n), equations.D.copy()
+        whole, rows, D = here, np.arange(n), equations.D.copy()
         for number in range(MAX_STEPS + 1):
-            done = self.gap(here, equations) <= ROUNDING * self.size
-            closed[rows[done]] = True
+            shut = ~lost & (self.gap(here, equations) <= ROUNDING * self.size)
+            closed[rows[shut]] = True
+            done = shut | lost
             if done.all() or number == MAX_STEPS:
                 break
-            if number and 2 * done.sum() > len(done):  # fewer copies than at each row that closes
+            if number and 2 * done.sum() > len(done):  # fewer copies than at each row that is done
+                if len(rows) < n:
+                    whole.put(rows, here)
                 left = np.flatnonzero(~done)
-                rows, last, done, here = rows[left], last[left], done[left], here.take(left)
+                rows, last, lost, done, here = rows[left], last[left], lost[left], done[left], here.take(left)
                 equations = None if equations is None else equations.take(left)
             equations = self.equations(here) if equations is None else equations
             D[rows] = equations.D
             V = self.step(here, equations)
-            V[done] = 0.0
             size = np.sqrt(np.einsum("ni,ni->n", V, V))
-            good = (size <= TINY) | (size <= contraction * last)
-            if not good.all():
-                rows, V, size, done, here = rows[good], V[good], size[good], done[good], here.take(good)
-                if not rows.size:
-                    break
+            lost |= ~done & ~((size <= TINY) | (size <= contraction * last))
+            V[done | lost] = 0.0
             last = size
-            steps[rows[~done]] += 1
+            steps[rows[~(done | lost)]] += 1
             here = self.at(copies(self.robot).integrate(here.X, V), placed.take(rows) if len(rows) < n else placed)
             equations = self.equations(here) if self._in_plane else None
             if len(rows) == n:
                 whole = here
-            else:
-                whole = whole.copy() if whole is start else whole
-                whole.put(rows, here)
+        if len(rows) < n:
+            whole.put(rows, here)
         return Closed(whole, closed, steps, D)
 
     def determinant(self, D: Floats) -> Floats:
@@ -338,10 +330,9 @@ class LoopClosure:
         with np.errstate(invalid="ignore"):  # of postures that are NaN
             return np.asarray(np.linalg.det(D))
 
-    def amplification(self, inverse: Floats) -> Floats:
-        """(N,) Frobenius norms of inverses of D: motion by unit closure errors; infinite where D is singular."""
-        found = np.sqrt(np.einsum("nij,nij->n", inverse, inverse))
-        return np.where(np.isfinite(found), found, np.inf)
+    def amplification(self, D: Floats) -> Floats:
+        """(N,) motion by unit closure errors: Frobenius norms of the inverses of D; infinite where it is singular."""
+        return _norm(self.inverse(D))
 
     def follow(
         self, start: Here, path: Path, largest: float, first: float = 1.0, begin: Floats | None = None
@@ -360,14 +351,15 @@ class LoopClosure:
         n = len(start)
         begin = np.zeros(n) if begin is None else begin
         done, stride, error, rate = begin.copy(), np.full(n, first), np.zeros(n), np.full(n, np.inf)
-        ends, rows, here = start.copy(), np.arange(n), start
+        rows, here = np.arange(n), start
+        ends = start.take(rows)
         its = self.equations(here)
         inverse = self.inverse(its.D)
         q = path(done, rows)[0]
         while rows.size:
             reach = np.minimum(1.0, done[rows] + stride[rows])
             goal, placed = path(reach, rows)
-            if placed.anchors.ndim == 3 or (placed.placements is not None and placed.placements.ndim == 3):
+            if placed.anchors.ndim == 3 or placed.placements.ndim == 3:
                 moved = self.at(here.X, placed)  # the parts move along the path too
                 V = self.step(moved, self.equations(moved), goal - q)
             else:
@@ -380,7 +372,7 @@ class LoopClosure:
             left = _norm(self.step(there, ahead, None, inverses)[..., None])
             allowed = np.maximum(TINY, np.maximum(CONTRACTION * _norm(V[..., None]), CHANGE * error[rows]))
             excess = np.maximum(change / CHANGE, np.maximum(left / allowed, np.abs(V).max(axis=1) / FARTHEST))
-            ok = (excess <= 1.0) & (self.amplification(inverses) <= largest)
+            ok = (excess <= 1.0) & (_norm(inverses) <= largest)
             excess = np.maximum(excess, 1e-3)
             now = excess / stride[rows]
             growth = np.clip(now / rate[rows], 1.0, MOST_GROWTH)
@@ -412,7 +404,7 @@ class LoopClosure:
         closing = self.newton(here, path(done[rows], rows)[1], equations=its)
         change = _norm(inverse @ (closing.D - its.D))
         reached = np.zeros(n, dtype=bool)
-        reached[rows] = closing.closed & (change <= CHANGE) & (self.amplification(self.inverse(closing.D)) <= largest)
+        reached[rows] = closing.closed & (change <= CHANGE) & (self.amplification(closing.D) <= largest)
         ends.put(rows[reached[rows]], closing.here.take(reached[rows]))
         again = rows[~reached[rows]]
         if again.size and first > SHORTEST_FIRST:
@@ -424,5 +416,6 @@ class LoopClosure:
 
 
 def _norm(matrices: Floats) -> Floats:
+    """(N,) Frobenius norms; infinite where they are not finite."""
     found = np.sqrt(np.einsum("nij,nij->n", matrices, matrices))
     return np.where(np.isfinite(found), found, np.inf)

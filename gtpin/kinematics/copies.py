@@ -45,8 +45,7 @@ class Copies:
         self.data.J, self.data.tau = np.zeros((6, self.model.nv)), np.zeros(self.model.nv)
         placed = _placements_of(self.model.jointPlacements)
         self._placements = placed[1:].reshape(self.K, self.count, SE3_SIZE)
-        self._own = self._placements[0].copy()
-        self._moved: Floats | None = self._own
+        self._moved: Floats | None = None
         self._oMi = _placements_of(self.data.oMi)[1:].reshape(self.K, self.count, SE3_SIZE)
         self._f = _view([f.linear for f in self.data.f], 6)[1:].reshape(self.K, self.count, 6)
         self._J = self.data.J.T.reshape(self.K, self.nv, 6)
@@ -64,34 +63,22 @@ class Copies:
         for forces in (data.h, data.f):
             forces.append(pin.Force.Zero())
 
-    def joints(self, X: Floats, placements: Floats | None = None) -> tuple[Floats, Floats]:
+    def joints(self, X: Floats, placements: Floats) -> tuple[Floats, Floats]:
         """Placements (N, J + 1, 12) of all joints in the base frame, and the world twists (N, nv, 6) of the velocities.
 
-        ``X``: (N, nq) configurations. ``placements``: those of the joints on their parents, (J, 12) or (N, J, 12); None: the
-        robot's own.
+        ``X``: (N, nq) configurations. ``placements``: those of the joints on their parents, (J, 12) or (N, J, 12).
         """
         n = len(X)
         if n == 1 < self.K:
             return self._one.joints(X, placements)
         oMi, J = np.empty((n, self.count + 1, SE3_SIZE)), np.empty((n, self.nv, 6))
         oMi[:, 0] = IDENTITY
-        each = placements is not None and placements.ndim == 3
-        if not each:
-            self._place(placements, slice(0), 0)
-        model, data, K, flat, call = self.model, self.data, self.K, self._X.reshape(-1), pin.computeJointJacobians
-        joints = oMi[:, 1:]
-        for a in range(0, n - K + 1, K):
-            if each:
-                self._place(placements, slice(a, a + K), K)
-            self._X[:] = X[a : a + K]
-            call(model, data, flat)
-            joints[a : a + K], J[a : a + K] = self._oMi, self._J
-        if k := n % K:
-            if each:
-                self._place(placements, slice(n - k, n), k)
-            self._X[:k] = X[n - k :]
-            call(model, data, flat)
-            joints[n - k :], J[n - k :] = self._oMi[:k], self._J[:k]
+        flat, joints = self._X.reshape(-1), oMi[:, 1:]
+        for rows, k in self._calls(n):
+            self._place(placements, rows, k)
+            self._X[:k] = X[rows]
+            pin.computeJointJacobians(self.model, self.data, flat)
+            joints[rows], J[rows] = self._oMi[:k], self._J[:k]
         return oMi, J
 
     def integrate(self, X: Floats, V: Floats) -> Floats:
@@ -114,7 +101,7 @@ class Copies:
         return found
 
     def inverse_dynamics(
-        self, X: Floats, V: Floats | None, A: Floats | None, placements: Floats | None
+        self, X: Floats, V: Floats | None, A: Floats | None, placements: Floats
     ) -> tuple[Floats, Floats]:
         """Generalized forces (N, nv) of the tree, N or N m, and the forces (N, J, 6) that each joint carries, in its own axes.
 
@@ -138,12 +125,11 @@ class Copies:
     def _calls(self, n: int) -> list[tuple[slice, int]]:
         return [(slice(a, min(a + self.K, n)), min(self.K, n - a)) for a in range(0, n, self.K)]
 
-    def _place(self, placements: Floats | None, rows: slice, k: int) -> None:
-        if placements is not None and placements.ndim == 3:
+    def _place(self, placements: Floats, rows: slice, k: int) -> None:
+        if placements.ndim == 3:
             self._placements[:k], self._moved = placements[rows], None
-        elif self._moved is not (wanted := self._own if placements is None else placements):
-            self._placements[:] = wanted
-            self._moved = wanted
+        elif self._moved is not placements:
+            self._placements[:] = self._moved = placements
 
     def _check(self, model: Any, neutral: Floats) -> None:
         """Hold the views of Pinocchio's memory against its own answers, once.
@@ -152,7 +138,7 @@ class Copies:
         """
         data, X = model.createData(), pin.integrate(model, neutral, np.linspace(0.1, 0.4, model.nv))
         J = pin.computeJointJacobians(model, data, X)
-        oMi, columns = self.joints(np.tile(X, (self.K, 1)))
+        oMi, columns = self.joints(np.tile(X, (self.K, 1)), self._placements[0].copy())
         expected = [np.concatenate([M.rotation.T.ravel(), M.translation]) for M in data.oMi]
         if not (np.abs(oMi - expected).max() < 1e-9 and np.abs(columns - np.reshape(J, (6, -1)).T).max() < 1e-9):
             raise _unread()

@@ -91,12 +91,10 @@ def loads(
     at = rotation(carrier) @ np.asarray(robot.load_placement.translation) + carrier[:, 9:]
     on_tool = np.concatenate([tool, np.cross(at, tool) + (0.0 if moment is None else moment)], axis=1)
     tau, carried = copies(robot).inverse_dynamics(here.X, V, A, placed.placements)
-    tau = tau - np.einsum("nvi,ni->nv", here.J, on_tool) * loops.tcp
-    tau = tau @ loops.fold if loops.follows else tau
+    tau = (tau - np.einsum("nvi,ni->nv", here.J, on_tool) * loops.tcp) @ loops.fold
     pulled = constraint_forces(loops, here, tau) if loops.count else np.zeros((n, 0, 3))
     wrenches = np.concatenate([pulled, np.cross(here.p.transpose(2, 0, 1), pulled)], axis=2)
-    by_loops = np.einsum("lv,nvi,nli->nv", loops.S, here.J, wrenches, optimize=True)
-    by_loops = by_loops @ loops.fold if loops.follows else by_loops
+    by_loops = np.einsum("lv,nvi,nli->nv", loops.S, here.J, wrenches, optimize=True) @ loops.fold
     actuators = (tau - by_loops)[:, loops.driven]
     joints = partial(_on_joints, loops, here, placed, carried, wrenches, on_tool)
     return Loads(pulled, _axial(robot, here, pulled, outer), actuators, joints)
@@ -129,7 +127,6 @@ def _on_joints(
     robot = loops.robot
     model, n = robot.model, len(here)
     found = np.empty((n, model.njoints, 6))
-    placements = placed.of_joints(robot)
     for j in range(1, model.njoints):
         own = here.oMi[:, j]
         R = rotation(own)
@@ -139,7 +136,7 @@ def _on_joints(
         if loops.moves_tcp[j]:
             beyond = beyond + on_tool
         F, M = F + beyond[:, :3], M + beyond[:, 3:]
-        frame, T = times(here.oMi[:, int(model.parents[j])], placements[..., j - 1, :])
+        frame, T = times(here.oMi[:, int(model.parents[j])], placed.placements[..., j - 1, :])
         found[:, j - 1, :3] = np.einsum("nji,nj->ni", frame, F)
         found[:, j - 1, 3:] = np.einsum("nji,nj->ni", frame, M - np.cross(T, F))
     frame, T = times(here.oMi[:, robot.tcp_joint], placed.tcp)
@@ -166,8 +163,8 @@ def _axial(robot: Chain, here: Here, pulled: Floats, outer: Floats | None) -> Fl
     found = np.zeros(length.shape)
     for i, body in enumerate(robot.rod_bodies):
         stretch = np.zeros(len(here)) if body.index_q is None else here.X[:, body.index_q]
-        # Between the carrier joint and the middle, the axial force changes by the weight that the carrier supports.
-        held = body.on_carrier(stretch, length[:, i])
+        # Between the carrier joint and the middle, the axial force changes by the weight of the mass that the carrier supports.
+        held = (body.moment + body.sliding * stretch) / length[:, i]
         on_rod = body.sign * pulled[:, body.loop]
         found[:, i] = np.einsum("ni,ni->n", on_rod, u[:, i]) + held * np.einsum("ni,ni->n", u[:, i], pull[:, i])
     return found

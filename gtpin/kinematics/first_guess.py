@@ -18,8 +18,8 @@ NODES_PER_TERM, FEWEST = 3, 1.5
 """Nodes of a fit by term, and those of them that must be reached at least."""
 MARGIN = 5.0
 """Smallest regularity on the way from home at which a guess tells the assembly mode, in RMS errors of the fit. Assumed."""
-ON_THE_WAY = np.linspace(0.1, 1.0, 10)
-"""Fractions of the way at which it is computed."""
+ON_THE_WAY = np.linspace(0.1, 0.9, 9)
+"""Fractions of the way at which it is computed. At the end the closed posture itself has it."""
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53)
 """Bases: one for each coordinate."""
 
@@ -75,7 +75,7 @@ class FirstGuess:
         degrees = self.exponents.sum(axis=1)[:, None]
         regular = (ON_THE_WAY**degrees * self.regularity[:, None]).T @ terms >= self.margin
         inside = ((q >= self.robot.lower) & (q <= self.robot.upper)).all(axis=1)
-        s = np.append(0.0, ON_THE_WAY)[np.logical_and.accumulate(regular & inside).sum(axis=0)]
+        s = np.array([0.0, *ON_THE_WAY[:-1], 1.0])[np.logical_and.accumulate(regular & inside).sum(axis=0)]
         V, short = terms.T @ self.coefficients, np.flatnonzero(s < 1.0)
         V[short] = (terms[:, short] * s[short] ** degrees).T @ self.coefficients
         return copies(self.robot).integrate(np.tile(self.X, (len(q), 1)), V), s
@@ -95,13 +95,11 @@ def nodes(robot: Chain) -> tuple[Ints, Floats] | None:
 def _terms(x: Floats, exponents: Ints) -> Floats:
     """(terms, N) products of powers of scaled commands (N, n): each is an earlier one times one command."""
     place = {tuple(e): i for i, e in enumerate(exponents.tolist())}
-    factors = np.ascontiguousarray(x.T)
-    terms = np.ones((len(exponents), len(x)))
-    for i, exponent in enumerate(exponents.tolist()):
-        if any(exponent):
-            last = next(j for j, e in enumerate(exponent) if e)
-            exponent[last] -= 1
-            np.multiply(terms[place[tuple(exponent)]], factors[last], out=terms[i])
+    first = (exponents > 0).argmax(axis=1)
+    earlier = (exponents - np.eye(x.shape[1], dtype=int)[first]).tolist()
+    factors, terms = np.ascontiguousarray(x.T), np.ones((len(exponents), len(x)))
+    for i, factor in enumerate(first[1:].tolist(), 1):
+        np.multiply(terms[place[tuple(earlier[i])]], factors[factor], out=terms[i])
     return terms
 
 

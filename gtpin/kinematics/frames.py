@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from gtpin.errors import ModelError
+from gtpin.errors import ModelError, listed
 from gtpin.kinematics.copies import copies
 from gtpin.kinematics.dynamics import Forces, loads
 from gtpin.kinematics.kinematics import nominal
@@ -26,8 +26,6 @@ from gtpin.typing import Floats
 
 Frame = tuple[int, pin.SE3]
 """A frame: the Pinocchio joint that carries it, and its placement on this joint, m."""
-NAMED = 20
-"""Largest number of links that a message names."""
 
 
 def frame_of(robot: Chain, name: str | None) -> Frame:
@@ -42,8 +40,7 @@ def frame_of(robot: Chain, name: str | None) -> Frame:
         if isinstance(name, str) and model.existFrame(name, kind):
             frame = model.frames[model.getFrameId(name, kind)]
             return int(frame.parentJoint), frame.placement
-    shown = f"{', '.join(robot.links[:NAMED])}{' ...' if len(robot.links) > NAMED else ''}"
-    raise ModelError(f"{robot.name} has no link {name!r}", hint=f"links are {shown}")
+    raise ModelError(f"{robot.name} has no link {name!r}", hint=f"links are {listed(robot.links)}")
 
 
 class Moving:

@@ -227,7 +227,8 @@ class Kinematics:
         if not self.home.reached.all():
             raise ModelError(f"the loops of {self.robot.name} don't close at home", hint="check the geometry's values")
         home = self.home.T[0], self.home.R[0]
-        return to_urdf(self.geometry, self.placed.placements, self.placed.anchors, home, targets or {})
+        placements = None if self.geometry.is_nominal else self.placed.placements
+        return to_urdf(self.geometry, placements, self.placed.anchors, home, targets or {})
 
     # ------------------------------------------------------------------------------------------- closing
 
@@ -278,7 +279,7 @@ class Kinematics:
     @cached_property
     def _largest(self) -> float:
         loops = self.loops
-        return SINGULAR * float(loops.amplification(loops.inverse(loops.equations(self.at_home).D))[0])
+        return SINGULAR * float(loops.amplification(loops.equations(self.at_home).D)[0])
 
     def _first(self, q: Floats, placed: PlacedParts, near: Floats | None) -> tuple[Here, Mask]:
         """Postures at commands (N, n) closed at once from those ``near`` (N, nq), and whether they were reached."""
@@ -286,18 +287,17 @@ class Kinematics:
         if near is None:
             return loops.at(self._of_tree(travel), placed), np.ones(len(q), dtype=bool)
         closing = loops.newton(loops.at(self.robot.with_commands(near, travel), placed), placed)
-        amplification = loops.amplification(loops.inverse(closing.D))
-        sound = (self._regularity(closing.D) > 0.0) & (amplification <= self._largest * DOUBTFUL / SINGULAR)
-        return closing.here, closing.closed & sound
+        sound = loops.amplification(closing.D) <= self._largest * DOUBTFUL / SINGULAR
+        return closing.here, closing.closed & sound & (self._regularity(closing.D) > 0.0)
 
     def _guessed(self, q: Floats, placed: PlacedParts, guess: FirstGuess) -> tuple[Here, Floats]:
         """Postures closed from a guess, and how far they are on the straight lines from home to commands (N, n): 0 to 1."""
         loops, home, travel = self.loops, self.travel(self.robot.home_q[None]), self.travel(q)
         X, s = guess(travel)
         begin = self.robot.with_commands(X, np.where(s[:, None] == 1.0, travel, home + s[:, None] * (travel - home)))
-        closing = loops.newton(loops.at(begin, placed), placed)
+        closing = loops.newton(loops.at(begin, placed), placed, contraction=1.0)
         off = np.abs(closing.here.X - begin).max(axis=1)
-        right = closing.closed & (off <= TRUSTED) & (self._regularity(closing.D) >= guess.margin)
+        right = closing.closed & (off <= TRUSTED) & (self._regularity(closing.D) >= DOUBTFUL**-2)
         return closing.here, np.where(right, s, 0.0)
 
     def _from_home(self, q: Floats, placed: PlacedParts, X: Floats, s: Floats) -> tuple[Here, Mask]:

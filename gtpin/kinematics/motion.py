@@ -26,7 +26,7 @@ class FrameMotion:
     def __init__(self, loops: LoopClosure, here: Here, placed: PlacedParts) -> None:
         self._loops, self._placed, self._oMi = loops, placed, here.oMi
         robot, n = loops.robot, len(here)
-        self._J, self._placements = robot.model.njoints - 1, placed.of_joints(robot)
+        self._J, self._placements = robot.model.njoints - 1, placed.placements
         tcp = here.oMi[:, robot.tcp_joint]
         self._R_tcp, self._T_tcp = times(tcp, placed.tcp)
         self._supports = [set(robot.model.supports[link.joint_id]) for link in robot.measured_links]
@@ -41,13 +41,13 @@ class FrameMotion:
             self._F, inverse = equations.F, loops.inverse(equations.D)
             self._H = -J_tcp[:, :, loops.solved] @ inverse
             if robot.measured_joints:
-                own = [int(np.flatnonzero(loops.solved == loops.passive[j.passive])[0]) for j in robot.measured_joints]
+                own = np.searchsorted(loops.solved, [joint.index_v for joint in robot.measured_joints])
                 self._H = np.concatenate([self._H, -inverse[:, own]], axis=1)
                 driven = np.concatenate([driven, np.zeros((n, len(own), driven.shape[2]))], axis=1)
             driven = driven + self._H @ loops.by_velocities(here, self._F, loops.driven)
         self.by_commands: Floats = driven
         """(N, 6 + 3 l + k, n) motion by each command."""
-        self._rows: dict[int, tuple[Floats, Floats]] = {}
+        self._rows: dict[int, Floats] = {}
 
     def __len__(self) -> int:
         return len(self._oMi)
@@ -61,23 +61,12 @@ class FrameMotion:
         """Rotations (N, 3, 3) and origins (N, 3), m, of a frame in the base frame, before its own joint's motion."""
         if index == self._J:
             return self._R_tcp, self._T_tcp
-        if index > self._J:
-            anchor = index - self._J - 1
-            carrier, at = self._oMi[:, self._loops.carriers[anchor]], self._placed.anchors[..., anchor, :, None]
-            return self._rotation(index), (rotation(carrier) @ at)[..., 0] + carrier[:, 9:]
-        return times(self._oMi[:, self._loops.parents[index + 1]], self._placements[..., index, :])
-
-    def _rotation(self, index: int) -> Floats:
-        """(N, 3, 3) rotation of a frame."""
-        if index == self._J:
-            return self._R_tcp
         if index < self._J:
-            parent = self._oMi[:, self._loops.parents[index + 1]]
-            return rotation(parent) @ rotation(self._placements[..., index, :])
+            return times(self._oMi[:, self._loops.parents[index + 1]], self._placements[..., index, :])
         anchor = index - self._J - 1
-        axes = self._loops.robot.anchor_axes[anchor]
-        R = rotation(self._oMi[:, self._loops.carriers[anchor]])
-        return R if np.array_equal(axes, np.eye(3)) else R @ axes
+        carrier, at = self._oMi[:, self._loops.carriers[anchor]], self._placed.anchors[..., anchor, :, None]
+        R = rotation(carrier)
+        return R @ self._loops.robot.anchor_axes[anchor], (R @ at)[..., 0] + carrier[:, 9:]
 
     def by_twist(self, index: int, twist: Floats) -> Floats:
         """(N, 6 + 3 l + k, m) motion by twists (N, 6, m) or (6, m) of one frame, in its own axes."""
@@ -88,7 +77,7 @@ class FrameMotion:
         if self._moves_tcp(index):
             found[:, :6] += self._carried(index) @ twist
         for rows in self._turned_links(index):
-            found[:, rows] += self._rotation(index) @ twist[..., 3:, :]
+            found[:, rows] += self.frame(index)[0] @ twist[..., 3:, :]
         return found
 
     @cached_property
@@ -112,7 +101,7 @@ class FrameMotion:
             if self._moves_tcp(index):
                 found[:, :6, columns] += self._carried(index) @ twists
             for rows in self._turned_links(index):
-                found[:, rows, columns] += self._rotation(index) @ twists[..., 3:, :]
+                found[:, rows, columns] += self.frame(index)[0] @ twists[..., 3:, :]
         for column, actuator in moves.scales:
             found[:, :, column] += self.by_commands[:, :, actuator] * q[:, actuator, None]
         return np.asarray(found)
@@ -151,16 +140,13 @@ class FrameMotion:
     def _change(self, index: int, twist: Floats) -> Floats:
         """(N, c, m) change of these equations by twists (N, 6, m) or (6, m) of a frame."""
         if index not in self._rows:
-            signs = self._signs(index)
-            some = np.flatnonzero(signs)
-            F = self._F[:, some] * signs[some, None] if len(some) < len(signs) else self._F * signs[:, None]
-            self._rows[index] = F, F[:, :, :3] @ self._rotation(index)
-        F, shifts = self._rows[index]
-        found = shifts @ twist[..., :3, :]
-        if index < self._J and twist[..., 3:, :].any():  # the rotation of an anchor moves nothing
-            R, T = self.frame(index)
-            found += ((F[:, :, 3:] - np.cross(T[:, None], F[:, :, :3])) @ R) @ twist[..., 3:, :]
-        return np.asarray(found)
+            signs, some, (R, T) = self._signs(index), self._changed(index), self.frame(index)
+            F = self._F[:, some] * signs[some, None]
+            turns = F[:, :, 3:] - np.cross(T[:, None], F[:, :, :3])
+            if index > self._J:  # the rotation of an anchor moves nothing
+                turns = np.zeros_like(turns)
+            self._rows[index] = np.concatenate([F[:, :, :3] @ R, turns @ R], axis=2)
+        return np.asarray(self._rows[index] @ twist)
 
 
 def _slice(columns: Ints) -> slice | Ints:

@@ -23,24 +23,20 @@ from gtpin.typing import Floats, Ints, Mask
 class PlacedParts:
     """Places of the parts: the same at all postures, or one of each of N postures.
 
-    ``placements``: (J, 12) or (N, J, 12) of the joints on their parents, as :class:`~gtpin.kinematics.copies.Copies` has them;
-    None: those of the robot's file. ``anchors``: (2 L, 3) or (N, 2 L, 3) positions of the loops' anchors in the frames of the
+    ``placements``: (J, 12) or (N, J, 12) of the joints on their parents, as :class:`~gtpin.kinematics.copies.Copies` has them.
+    ``anchors``: (2 L, 3) or (N, 2 L, 3) positions of the loops' anchors in the frames of the
     joints that carry them, m. ``tcp``: (12,) or (N, 12) the TCP on its joint.
     """
 
-    placements: Floats | None
+    placements: Floats
     anchors: Floats
     tcp: Floats
-
-    def of_joints(self, robot: Chain) -> Floats:
-        """(J, 12) or (N, J, 12) placements of the joints on their parents, also where they are those of the robot's file."""
-        return own_placements(robot) if self.placements is None else self.placements
 
     def take(self, rows: Ints | Mask) -> PlacedParts:
         """The places at some of the postures."""
         placements, anchors, tcp = self.placements, self.anchors, self.tcp
         return PlacedParts(
-            placements if placements is None or placements.ndim == 2 else placements[rows],
+            placements if placements.ndim == 2 else placements[rows],
             anchors if anchors.ndim == 2 else anchors[rows],
             tcp if tcp.ndim == 1 else tcp[rows],
         )
@@ -64,10 +60,7 @@ def times(placements: Floats, placement: Floats) -> tuple[Floats, Floats]:
 
 def own_placements(robot: Chain) -> Floats:
     """(J, 12) placements of the joints on their parents in the robot's file. A copy."""
-    if "placements" not in robot.memo:
-        robot.memo["placements"] = np.array([numbers(M) for M in list(robot.model.jointPlacements)[1:]]).reshape(-1, 12)
-    found: Floats = robot.memo["placements"].copy()
-    return found
+    return np.array([numbers(M) for M in list(robot.model.jointPlacements)[1:]]).reshape(-1, 12)
 
 
 def placed_by(geometry: Geometry) -> PlacedParts:
@@ -75,8 +68,6 @@ def placed_by(geometry: Geometry) -> PlacedParts:
     robot = geometry.robot
     anchors = np.array([M.translation for _, M in robot.anchors]).reshape(-1, 3)
     tcp = numbers(robot.tcp_placement * pin.exp6(geometry.platform))
-    if geometry.is_nominal:
-        return PlacedParts(None, anchors, tcp)
     placements, J = own_placements(robot), frame_of_tcp(robot)
     for frame, twist in _total_twists(geometry).items():
         if frame < J:
@@ -138,7 +129,7 @@ def twisted(robot: Chain, placed: PlacedParts, twists: Mapping[int, Floats]) -> 
     found = placed
     joints = {f: twist for f, twist in twists.items() if f < J}
     if joints:
-        moved = np.array(np.broadcast_to(placed.of_joints(robot), (n, J, 12)))
+        moved = np.array(np.broadcast_to(placed.placements, (n, J, 12)))
         for f, twist in joints.items():
             moved[:, f] = _after(moved[:, f], twist)
         found = replace(found, placements=moved)
@@ -176,7 +167,7 @@ def joints_on_carrier(geometry: Geometry, actuator: int) -> Iterator[tuple[int, 
 def carrier_rates(geometry: Geometry) -> Floats:
     """(k, 3) motion of each rod's joint on its carrier per unit of its actuator's command, all commands zero, base frame."""
     robot, placed = geometry.robot, placed_by(geometry)
-    own = placed.of_joints(robot)
+    own = placed.placements
     rates = np.zeros((len(robot.rod_seats), 3))
     for i, (seat, carrier) in enumerate(zip(robot.rod_seats, robot.rod_carriers, strict=True)):
         if carrier is not None:

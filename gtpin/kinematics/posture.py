@@ -11,8 +11,8 @@ import pinocchio as pin
 
 from gtpin.errors import ModelError, SingularityError, UnreachableError, check_kind
 from gtpin.kinematics.closing import Here
-from gtpin.kinematics.dynamics import Forces, loads
-from gtpin.kinematics.frames import frame_of
+from gtpin.kinematics.dynamics import Forces
+from gtpin.kinematics.frames import Moving, frame_of
 from gtpin.kinematics.kinematics import Kinematics, nominal
 from gtpin.kinematics.poses import Poses
 from gtpin.real import real
@@ -184,9 +184,7 @@ class ClosedPosture:
 
     def _give_up(self, kinematics: Kinematics, target: Floats, last: Here, done: float) -> None:
         loops = kinematics.loops
-        here, home = (
-            float(loops.amplification(loops.inverse(loops.equations(x).D))[0]) for x in (last, kinematics.at_home)
-        )
+        here, home = (float(loops.amplification(loops.equations(x).D)[0]) for x in (last, kinematics.at_home))
         stopped = self.q + done * (target - self.q)
         where = (
             f"commands {_text(target)} can't be reached by {self.robot.name}: on the way to them, at {_text(stopped)},"
@@ -285,11 +283,10 @@ def static_forces(
     >>> forces.rods.shape, forces.actuators.shape
     ((6,), (3,))
     """
-    own = nominal(posture.robot)
-    here = own.loops.at(posture.configuration[None], own.placed)
-    on_tool = (real(x, "loads on the tool")[None] for x in (force, payload, moment))
-    found = loads(own.loops, here, own.placed, *on_tool)
-    return Forces(found.actuators[0], -found.loops[0], found.rod_forces[0])
+    rest = np.zeros((1, posture.robot.n_actuators))
+    on_tool = (real(x, "loads on the tool")[None] for x in (force, moment, payload))
+    found = Moving(posture.robot, posture.configuration[None]).forces(rest, rest, *on_tool)
+    return Forces(found.actuators[0], found.loops[0], found.rods[0])
 
 
 def rod_forces(

@@ -106,7 +106,7 @@ def singularities(
         raise ModelError(f"a length of {arc:g} m", hint="give a positive one")
     q, X = _postures(robot, at)
     names, turns = _velocities(robot)
-    passive = np.arange(robot.model.nv)[robot.passive]
+    passive = robot.passive
     by_passive = np.full((len(q), 3 * len(robot.constraints), len(passive)), np.nan)
     by_commands = np.full((len(q), 6, robot.n_actuators), np.nan)
     for i in np.flatnonzero(np.isfinite(X).all(axis=1)):

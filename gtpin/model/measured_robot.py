@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gtpin.data import Dataset
-from gtpin.errors import DatasetError, ModelError, RobotError
+from gtpin.errors import DatasetError, ModelError, RobotError, listed
 from gtpin.robot.chain import Chain, readable
 from gtpin.robot.library import load_robot
 
@@ -33,7 +33,7 @@ def robot_of(dataset: Dataset) -> Chain:
     known = (*robot.sites, *robot.rod_sites, *joints, *robot.links, *PLACES)
     for number, driver in enumerate(dataset.drivers):
         if driver.site not in known:
-            what, hint = f"{robot.name} has no site {driver.site!r}", f"sites are {_some(tuple(dict.fromkeys(known)))}"
+            what, hint = f"{robot.name} has no site {driver.site!r}", f"sites are {listed(tuple(dict.fromkeys(known)))}"
             raise DatasetError(what, file=file, column=f"driver.{number}.site", hint=hint)
         if driver.motion == "q" and driver.site not in (*robot.sites, *joints):
             what, hint = f"{driver.site} is no joint, so it has no q", "move it along x y z or about rx ry rz"
@@ -61,7 +61,7 @@ def check_alike(robot: Chain, other: Chain, whose: str, file: Path | None = None
     if robot.name != other.name:
         raise ModelError(f"the model is of {robot.name}, and {whose} of {other.name}", file=file, hint=hint)
     if robot.sites != other.sites:
-        what = f"the model of {robot.name} drives {_some(robot.sites)}, and {whose} of one with {_some(other.sites)}"
+        what = f"the model of {robot.name} drives {listed(robot.sites)}, and {whose} of one with {listed(other.sites)}"
         raise ModelError(what, file=file, hint=hint)
 
 
@@ -81,7 +81,3 @@ def measuring(robot: Chain, dataset: Dataset) -> Chain:
         number = next(i for i, names in enumerate(read) if not known.issuperset(names))
         column = f"instrument.{number}.{error.column}"
         raise DatasetError(error.what, file=dataset.toml, column=column, hint=error.hint) from None
-
-
-def _some(names: tuple[str, ...], shown: int = 20) -> str:
-    return ", ".join(names[:shown]) + (" ..." if len(names) > shown else "")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from gtpin.errors import listed
 from gtpin.robot.constrained_model import POSTURES, ConstrainedModel, in_planes, joint_jacobian
 from gtpin.robot.description import LEVER
 from gtpin.typing import Floats
@@ -276,8 +277,8 @@ def _which(robot: ConstrainedModel, found: list[Floats]) -> str:
 def _coordinates(robot: ConstrainedModel, configuration: Floats) -> str:
     """The coordinates of the passive joints, m or rad, with their names."""
     moved = pin.difference(robot.model, robot.neutral, configuration)
-    passive = set(np.arange(robot.model.nv)[robot.passive])
-    joints = [j for j in range(1, robot.model.njoints) if robot.model.nvs[j] == 1 and robot.model.idx_vs[j] in passive]
+    joints = [j for j in range(1, robot.model.njoints) if robot.model.nvs[j] == 1]
+    joints = [j for j in joints if robot.model.idx_vs[j] in robot.passive]
     return " ".join(f"{robot.model.names[j]}={moved[robot.model.idx_vs[j]]:.4g}" for j in joints)
 
 
@@ -304,7 +305,7 @@ def _at_declared_home(robot: ConstrainedModel, start: Floats) -> Floats:
     home, model = robot.description.home, robot.model
     assert home is not None
     wanted = pin.SE3(pin.exp3(np.array(home.tcp_rotvec)), np.array(home.tcp_xyz)) * robot.home_placement.inverse()
-    free, platform = np.arange(model.nv)[robot.passive], model.joints[robot.home_joint]
+    free, platform = robot.passive, model.joints[robot.home_joint]
     floats = platform.nv == 6
     turned = ~(np.isin(free, np.arange(platform.idx_v, platform.idx_v + 6)) & floats)
     if floats:
@@ -339,7 +340,7 @@ def _at_declared_home(robot: ConstrainedModel, start: Floats) -> Floats:
 
 def _moved(robot: ConstrainedModel, configuration: Floats, x: Floats) -> Floats:
     """Configuration with the passive coordinates moved by x (p,)."""
-    moved: Floats = pin.integrate(robot.model, configuration, robot.tree_velocity(x))
+    moved: Floats = pin.integrate(robot.model, configuration, robot.fold[:, robot.passive] @ x)
     return moved
 
 
@@ -404,10 +405,9 @@ def _named(robot: ConstrainedModel, free: Floats) -> str:
     weights = np.linalg.norm(free, axis=1)
     by_velocity = {int(v): joint for joint, v in enumerate(robot.model.idx_vs) if joint}
     joints: dict[str, float] = {}
-    for velocity, weight in zip(np.arange(robot.model.nv)[robot.passive], weights, strict=True):
+    for velocity, weight in zip(robot.passive, weights, strict=True):
         first = max(v for v in by_velocity if v <= velocity)
         name = str(robot.model.names[by_velocity[first]])
         joints[name] = max(joints.get(name, 0.0), float(weight))
     named = sorted((name for name in joints if joints[name] >= NEGLIGIBLE), key=lambda name: -joints[name])
-    more = f" and {len(named) - NAMED} more" if len(named) > NAMED else ""
-    return ", ".join(f"{name} ({joints[name]:.2f})" for name in named[:NAMED]) + more
+    return listed([f"{name} ({joints[name]:.2f})" for name in named], NAMED)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import difflib
-import math
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,17 +13,14 @@ from typing import Any, Self
 import numpy as np
 import pinocchio as pin
 
-from gtpin.errors import RobotError
+from gtpin.errors import RobotError, listed
 from gtpin.robot.assembly import Assembly, assemble
 from gtpin.robot.constrained_model import ConstrainedModel, joint_axis
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.placement_frames import frame_of_anchor, frame_of_joint, frame_of_tcp, shift
-from gtpin.robot.resting import with_actuators
+from gtpin.robot.resting import coordinates, with_actuators
 from gtpin.robot.rods import Rod, RodBody, rod_body, rods
 from gtpin.typing import Floats
-
-SHOWN = 12
-"""Largest number of joints that a hint lists."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +28,8 @@ class MeasuredJoint:
     """A passive joint of one coordinate that is measured.
 
     - ``name``: its name in the URDF.
-    - ``joint_id``, ``index_q``: its index among Pinocchio's joints, and its first index in a configuration.
-    - ``passive``: its index among the passive coordinates.
+    - ``joint_id``, ``index_q``, ``index_v``: its index among Pinocchio's joints, and its first index in a configuration and in
+      a velocity.
     - ``turns``: whether its coordinate is an angle, rad, instead of a distance, m.
     - ``continuous``: whether Pinocchio keeps its coordinate as cosine and sine; then it is between -pi and pi.
     """
@@ -41,7 +37,7 @@ class MeasuredJoint:
     name: str
     joint_id: int
     index_q: int
-    passive: int
+    index_v: int
     turns: bool
     continuous: bool
 
@@ -53,11 +49,9 @@ class MeasuredJoint:
 
 def readable(robot: ConstrainedModel) -> tuple[str, ...]:
     """Names of the joints that can be measured: those of one coordinate that nothing but the loops moves."""
-    passive = set(_passive(robot))
     model = robot.model
-    return tuple(
-        model.names[j] for j in range(1, model.njoints) if model.nvs[j] == 1 and int(model.idx_vs[j]) in passive
-    )
+    joints = [j for j in range(1, model.njoints) if model.nvs[j] == 1]
+    return tuple(model.names[j] for j in joints if model.idx_vs[j] in robot.passive)
 
 
 def measured_joint(robot: ConstrainedModel, name: str) -> MeasuredJoint:
@@ -70,12 +64,11 @@ def measured_joint(robot: ConstrainedModel, name: str) -> MeasuredJoint:
     if name in known:
         joint_id = int(model.getJointId(name))
         turns = bool(joint_axis(model, joint_id)[3:].any())
-        passive = _passive(robot).index(int(model.idx_vs[joint_id]))
-        return MeasuredJoint(
-            name, joint_id, int(model.idx_qs[joint_id]), passive, turns, bool(model.nqs[joint_id] == 2)
-        )
-    listed = f"{', '.join(known[:SHOWN])}{' ...' if len(known) > SHOWN else ''}"
-    hint = f"joints that can be read: {listed}" if known else "no joint of this robot is moved by its loops alone"
+        index_q, index_v = int(model.idx_qs[joint_id]), int(model.idx_vs[joint_id])
+        return MeasuredJoint(name, joint_id, index_q, index_v, turns, bool(model.nqs[joint_id] == 2))
+    hint = (
+        f"joints that can be read: {listed(known)}" if known else "no joint of this robot is moved by its loops alone"
+    )
     raise RobotError(_why_not(robot, name), column="joint", hint=hint)
 
 
@@ -94,11 +87,6 @@ def _why_not(robot: ConstrainedModel, name: str) -> str:
     return f"{robot.name} has no joint {name!r}"
 
 
-def _passive(robot: ConstrainedModel) -> list[int]:
-    """Velocity indices of the passive coordinates."""
-    return [int(v) for v in np.arange(robot.model.nv)[robot.passive]]
-
-
 @dataclass(frozen=True, eq=False)
 class MeasuredLink:
     """A link whose rotation is measured: its name in the file, the Pinocchio joint that carries it (0: the base), and its
@@ -115,8 +103,7 @@ def measured_link(robot: ConstrainedModel, name: str) -> MeasuredLink:
         frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
         return MeasuredLink(name, int(frame.parentJoint), np.array(frame.placement.rotation))
     close = difflib.get_close_matches(name, robot.links, n=3)
-    listed = f"{', '.join(robot.links[:SHOWN])}{' ...' if len(robot.links) > SHOWN else ''}"
-    hint = f"did you mean {' or '.join(close)}?" if close else f"links are {listed}"
+    hint = f"did you mean {' or '.join(close)}?" if close else f"links are {listed(robot.links)}"
     raise RobotError(f"{robot.name} has no link {name!r}", column="link", hint=hint)
 
 
@@ -229,12 +216,7 @@ class Chain(ConstrainedModel):
     @property
     def home_posture(self) -> dict[str, tuple[float, ...]]:
         """Coordinates of the nominal robot's joints at home, by name, as ``posture`` of a description has them."""
-        model, found = self.model, {}
-        for joint in range(1, model.njoints):
-            at, count = int(model.idx_qs[joint]), int(model.nqs[joint])
-            own = tuple(float(x) for x in self.assembly.configuration[at : at + count])
-            found[str(model.names[joint])] = (math.atan2(own[1], own[0]),) if count == 2 else own
-        return found
+        return coordinates(self.model, self.assembly.configuration)
 
     @property
     def home_coordinates(self) -> dict[str, float]:

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from gtpin.errors import RobotError, warn
+from gtpin.errors import RobotError, listed, warn
 from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
 from gtpin.robot.resting import followers, moving_model, neutral, put
 from gtpin.typing import Floats, Mask
@@ -73,7 +73,7 @@ def in_planes(normals: tuple[Floats, ...]) -> Floats:
 
     Of three components of a vector, those along the normals (k, 3) of a loop are no equations.
     """
-    blocks = [axes_of(normal) if len(normal) else EVERY for normal in normals]
+    blocks = [axes_of(normal) for normal in normals]
     found = np.zeros((sum(map(len, blocks)), 3 * len(blocks)))
     row = 0
     for i, block in enumerate(blocks):
@@ -142,7 +142,7 @@ class ConstrainedModel:
     actuators : tuple of Actuator
     driven : list of int
         Velocity indices of the actuators.
-    passive : slice or int array
+    passive : int array
         Velocity indices of the coordinates that the loops alone determine, ``n_passive`` of them.
     followers : tuple of Follower
         Joints that follow others, whose coordinates are neither driven nor passive: see :meth:`folded`.
@@ -195,19 +195,16 @@ class ConstrainedModel:
         self._led = [
             (driven.index(follower.master_v), follower) for follower in self.followers if follower.master_v in driven
         ]
-        passive = np.setdiff1d(np.arange(self.model.nv), driven + [follower.index_v for follower in self.followers])
-        self.passive, self.n_passive = _as_slice(passive), len(passive)
+        self.passive = np.setdiff1d(np.arange(self.model.nv), driven + [led.index_v for led in self.followers])
+        self.n_passive = len(self.passive)
         if tcp is not None and tcp not in self.links:
-            shown = f"{', '.join(self.links[:20])}{' ...' if len(self.links) > 20 else ''}"
-            what, hint = f"{self.name} has no link {tcp!r}", f"links are {shown}"
+            what, hint = f"{self.name} has no link {tcp!r}", f"links are {listed(self.links)}"
             raise RobotError(what, file=description.source, column="tcp", hint=hint)
         self.tcp_frame = tcp or description.tcp or description.platform or description.tree.tip
         if tcp is None and description.tcp_guessed:
             others = [link for link in description.tree.ends if link != self.tcp_frame]
-            shown = f"{', '.join(others[:6])}{' ...' if len(others) > 6 else ''}"
-            warn(
-                f"{self.name} names no TCP: {self.tcp_frame} is taken, and there are also {shown}; name it (tcp, --tcp)"
-            )
+            what = f"{self.name} names no TCP: {self.tcp_frame} is taken, and there are also {listed(others, 6)}"
+            warn(f"{what}; name it (tcp, --tcp)")
         self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame, (0, 0, 0), (0, 0, 0)))
         self.load_placement = self.tcp_placement
         home = description.home.link if description.home else None
@@ -231,10 +228,11 @@ class ConstrainedModel:
     def leave_open(self, planes: tuple[Floats, ...]) -> None:
         """Close each loop only across the directions ``planes`` (k, 3), in the frame of its first anchor."""
         self.planes = planes
-        self._in_planes = in_planes(planes) if any(map(len, planes)) else None
-        self.seeking: Floats = np.vstack([in_planes(planes), self._levers()])
+        self._in_planes = in_planes(planes)
+        self.seeking: Floats = np.vstack([self._in_planes, self._levers()])
         """(m + k, 3 L) as the matrix of :meth:`closing`, with equations for loops of type ``fixed`` that tell half turns."""
-        self.plane_axes: tuple[Floats | None, ...] = tuple(axes_of(n) if len(n) else None for n in planes)
+        self.closed_axes = tuple(axes_of(normals) for normals in planes)
+        """By loop, the (e, 3) directions in which it is closed, in the frame of its first anchor: of a planar loop two."""
 
     @property
     def _anchor_elements(self) -> list[Anchor]:
@@ -365,10 +363,6 @@ class ConstrainedModel:
             put(changed, follower.index_q, follower.multiplier * q[..., i] + follower.offset, follower.continuous)
         return changed
 
-    def tree_velocity(self, passive: Floats) -> Floats:
-        """(nv,) Pinocchio velocity, from those of the passive coordinates (p,), at constant commands."""
-        return self.fold[:, self.passive] @ passive
-
     def folded(self, derivative: Floats) -> Floats:
         """A derivative (..., nv) by Pinocchio velocities, in which the columns of masters include the motion of followers."""
         return derivative @ self.fold if self.followers else derivative
@@ -395,7 +389,7 @@ class ConstrainedModel:
         Or their derivatives, from those of the vectors. All three components of a vector are equations; for a planar loop,
         those in its plane.
         """
-        return gaps if self._in_planes is None else self._in_planes @ gaps
+        return np.asarray(self._in_planes @ gaps)
 
     # ------------------------------------------------------------------------------------------------ building
 
@@ -416,7 +410,8 @@ class ConstrainedModel:
     def _actuator(self, element: ActuatorElement) -> Actuator:
         model = self.model
         if not model.existJointName(element.joint):
-            raise self.description.error(f"no moving joint is called {element.joint}", self._known())
+            hint = f"moving joints are {listed(self.description.tree.moving)}"
+            raise self.description.error(f"no moving joint is called {element.joint}", hint)
         joint_id = int(model.getJointId(element.joint))
         if model.nvs[joint_id] != 1:
             raise self.description.error(
@@ -445,10 +440,6 @@ class ConstrainedModel:
             self.data.oMi[joint_id].translation.copy(),
             element.scale_unknown,
         )
-
-    def _known(self) -> str:
-        names = self.description.tree.moving
-        return f"moving joints are {', '.join(names[:12])}{' ...' if len(names) > 12 else ''}"
 
     def _placement(self, anchor: Anchor) -> tuple[int, Any]:
         if not self.model.existFrame(anchor.link, pin.FrameType.BODY):
@@ -547,10 +538,3 @@ def joint_axis(model: Any, joint_id: int) -> Floats:
     pin.computeJointJacobians(model, data, pin.neutral(model))
     column = pin.getJointJacobian(model, data, joint_id, pin.LOCAL).reshape(6, -1)[:, model.idx_vs[joint_id]]
     return np.asarray(column, dtype=float)
-
-
-def _as_slice(indices: npt.NDArray[np.int_]) -> slice | npt.NDArray[np.int_]:
-    """Contiguous indices as a slice, with which NumPy selects columns of a matrix without a copy; others as they are."""
-    if len(indices) and indices[-1] - indices[0] + 1 == len(indices):
-        return slice(int(indices[0]), int(indices[-1]) + 1)
-    return indices

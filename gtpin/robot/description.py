@@ -23,6 +23,7 @@ from gtpin.robot.closures import SUFFIX, closes, urdf_with_loops
 from gtpin.robot.mjcf import mjcf_to_urdf
 from gtpin.robot.mjcf_values import with_includes
 from gtpin.robot.tree import TOOL, Tree
+from gtpin.robot.urdf_elements import numbers_of
 
 Vector = tuple[float, ...]
 Kind = Literal["urdf", "mjcf"]
@@ -267,10 +268,7 @@ class _AttributeReader:
 
     def numbers(self, element: Element, key: str, count: int | None) -> Vector:
         text = self.text(element, key)
-        try:
-            values = tuple(float(word) for word in text.split())
-        except ValueError:
-            values = (math.nan,)
+        values = numbers_of(text)
         if not all(map(math.isfinite, values)) or (count is not None and len(values) != count):
             wanted = "finite numbers" if count is None else f"{count} finite numbers"
             raise self.error(f'<{element.tag} {key}="{text}">', f"give {wanted}")
@@ -377,11 +375,7 @@ def warn_of_degrees(root: Element, source: str) -> None:
     """Warn of each ``rpy`` with an angle of more than a full turn: URDF has radians."""
     for part in root:
         for element in part.iter():
-            try:
-                angles = [float(word) for word in element.get("rpy", "").split()]
-            except ValueError:
-                continue
-            if any(abs(angle) > FULL_TURN for angle in angles):
+            if any(abs(angle) > FULL_TURN for angle in numbers_of(element.get("rpy", ""))):
                 where = f"{part.tag} {part.get('name', '')}".strip()
                 warn(
                     f'{source}: {where}: rpy="{element.get("rpy")}" is more than a full turn: angles in a URDF are in rad'

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import pinocchio as pin
 
-from gtpin.errors import RobotError, unheard, warn
+from gtpin.errors import RobotError, listed, unheard, warn
 from gtpin.references import is_path
 from gtpin.robot.chain import Chain
 from gtpin.robot.description import CONVERT, RobotDescription
@@ -70,8 +70,6 @@ def example_path(name: str) -> Path:
 
 
 AnyRobot = TypeVar("AnyRobot", bound=Chain)
-SHOWN = 12
-"""Largest number of joints that a warning names."""
 
 
 def _folder() -> Path:
@@ -151,9 +149,8 @@ def _without_effect(robot: Chain) -> Iterator[str]:
     moving = {leading.get(v, v) for v in on_the_way}
     still = [actuator.joint for actuator in robot.actuators if actuator.index_v not in moving]
     if still and not robot.constraints and robot.description.kind == "urdf":
-        named = ", ".join(still[:SHOWN]) + (f" and {len(still) - SHOWN} more" if len(still) > SHOWN else "")
         yield (
-            f"the TCP of {robot.name} ({robot.tcp_frame}) does not move with {named}: if the robot has a loop, add its "
+            f"the TCP of {robot.name} ({robot.tcp_frame}) does not move with {listed(still)}: if the robot has a loop, add its "
             "<loop_joint>; if not, name the joints that are commanded (actuators = [...] in dataset.toml), or another TCP"
         )
 

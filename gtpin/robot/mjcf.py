@@ -14,8 +14,8 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 import pinocchio as pin
 
-from gtpin.errors import RobotError, warn
-from gtpin.robot.mjcf_values import JOINTS, MAIN, SHOWN, Masses, Part, Values, without_objects
+from gtpin.errors import RobotError, listed, warn
+from gtpin.robot.mjcf_values import JOINTS, MAIN, SHOWN, Masses, Part, Values, parts_of_bodies, without_objects
 from gtpin.robot.tree import TOOL, Tree
 from gtpin.robot.urdf_elements import add_inertia, add_joint, exact_text, set_origin
 from gtpin.typing import Floats
@@ -112,15 +112,9 @@ def _counted(root: Element, values: Values) -> tuple[Mapping[Element, int], int]
     """The index of each joint's first coordinate in ``qpos``, and the length of this: joints of a body before its bodies."""
     places: dict[Element, int] = {}
     size = 0
-    waiting = [list(values.parts(world, MAIN)) for world in reversed(root.findall("worldbody"))]
-    while waiting:
-        parts = waiting.pop()
-        for joint in parts:
-            if joint.element.tag in JOINTS:
-                places[joint.element] = size
-                size += {"free": 7, "ball": 4}.get(_kind(joint, values), 1)
-        bodies = [part for part in parts if part.element.tag == "body"]
-        waiting += [list(values.parts(b.element, b.element.get("childclass", b.inherited))) for b in reversed(bodies)]
+    for joint in (part for parts in parts_of_bodies(root, values) for part in parts if part.element.tag in JOINTS):
+        places[joint.element] = size
+        size += {"free": 7, "ball": 4}.get(_kind(joint, values), 1)
     return places, size
 
 
@@ -216,7 +210,7 @@ class _UrdfWriter:
         self.masses.warn()
         lifted = [body.get("name", "a body") for body in root.iter("body") if body.get("gravcomp", "0").strip("0. ")]
         if lifted:
-            names = ", ".join(lifted[:SHOWN]) + (f" and {len(lifted) - SHOWN} more" if len(lifted) > SHOWN else "")
+            names = listed(lifted, SHOWN)
             warn(f"{self.values.source}: gravcomp is not read, gravity acts on the whole mass: bodies {names}")
         for name in sorted(self.named & self.bodies.keys() - {WORLD}):
             warn(
@@ -328,10 +322,8 @@ class _UrdfWriter:
             if by_gtpin and drive.get("gear", "1.0") != "1.0":
                 scaled.append(f"scale of {name}")
         if without := [*scaled, *(name for name in self.added if "_crank_" not in name)]:
-            names = ", ".join(without[:SHOWN]) + (f" and {len(without) - SHOWN} more" if len(without) > SHOWN else "")
-            warn(
-                f"{self.values.source}: the geometry is read without drive scales and effects: {names}; give the model's folder"
-            )
+            what = f"the geometry is read without drive scales and effects: {listed(without, SHOWN)}"
+            warn(f"{self.values.source}: {what}; give the model's folder")
 
     # ------------------------------------------------------------------------------------------------ equalities
 

@@ -17,7 +17,8 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.data.files import read_text
-from gtpin.errors import RobotError, warn
+from gtpin.errors import RobotError, listed, warn
+from gtpin.robot.urdf_elements import numbers_of
 from gtpin.typing import Floats
 
 MAIN = "main"
@@ -121,10 +122,7 @@ class Values:
         Raises `RobotError` if there are fewer or more, or one is not a finite number.
         """
         text = attributes.get(key, default)
-        try:
-            values = np.array([float(word) for word in text.split()])
-        except ValueError:
-            values = np.array([np.nan])
+        values = np.array(numbers_of(text))
         if not least <= len(values) <= (most or least) or not np.isfinite(values).all():
             raise self.error(f'{key}="{text[:60]}"', f"give {least} finite numbers")
         return values
@@ -289,7 +287,7 @@ class Masses:
         masses = Masses(values)
         total = float(masses._option("settotalmass", "-1", 1)[0])
         if total > 0.0:
-            inertias = [masses.inertia("", parts) for parts in _parts_of_bodies(root, values)]
+            inertias = [masses.inertia("", parts) for parts in parts_of_bodies(root, values)]
             sum_now = sum(inertia.mass for inertia in inertias)
             masses = Masses(values, total / sum_now if sum_now > 0.0 else 1.0)
         return masses
@@ -316,9 +314,7 @@ class Masses:
     def warn(self) -> None:
         """Warn of what is not read, with the names of the bodies."""
         for what, names in self.unread.items():
-            names = list(dict.fromkeys(names))
-            more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-            warn(f"{self.values.source}: {what}: bodies {', '.join(names[:SHOWN])}{more}")
+            warn(f"{self.values.source}: {what}: bodies {listed(list(dict.fromkeys(names)), SHOWN)}")
 
     def _found(self, name: str, parts: Sequence[Part]) -> Any:
         """The inertia that ``<inertial>`` gives, or the sum of the geoms'."""
@@ -373,14 +369,14 @@ class Masses:
         return self.values.numbers(self.values.compiler, key, default, count)
 
 
-def _parts_of_bodies(root: Element, values: Values) -> Iterator[list[Part]]:
-    """The elements of each body."""
-    waiting = [part for world in root.findall("worldbody") for part in values.parts(world, MAIN)]
+def parts_of_bodies(root: Element, values: Values) -> Iterator[list[Part]]:
+    """The elements of each body, in the order in which MuJoCo counts bodies: that of the file, a body before those on it."""
+    waiting = [part for world in root.findall("worldbody") for part in values.parts(world, MAIN)][::-1]
     while waiting:
         part = waiting.pop()
         if part.element.tag == "body":
             own = list(values.parts(part.element, part.element.get("childclass", part.inherited)))
-            waiting += own
+            waiting += own[::-1]
             yield own
 
 

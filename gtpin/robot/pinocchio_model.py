@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, tostring
 
@@ -12,6 +11,7 @@ import pinocchio as pin
 
 from gtpin.errors import RobotError
 from gtpin.robot.constrained_model import joint_axis
+from gtpin.robot.resting import coordinates
 from gtpin.robot.urdf_elements import add_inertia, add_joint, exact_text
 
 SUPPORTED = "joints of one degree of freedom (revolute or prismatic) and free flyers are supported"
@@ -58,9 +58,12 @@ def urdf_of(model: pin.Model, constraints: Sequence[Any], home: str = "") -> str
     own = SubElement(root, "gtpin")
     SubElement(own, "gravity", xyz=exact_text(model.gravity.linear))
     if home:
+        if home not in model.referenceConfigurations:
+            known = ", ".join(one.key() for one in model.referenceConfigurations) or "none"
+            raise RobotError(f"the model has no reference configuration {home!r}", hint=f"there are {known}")
         posture = SubElement(own, "home")
-        for name, values in _posture(model, home):
-            SubElement(posture, "joint", name=name, value=exact_text(np.array(values)))
+        for name, values in coordinates(model, model.referenceConfigurations[home]).items():
+            SubElement(posture, "joint", name=name, value=exact_text(values))
     return tostring(root, encoding="unicode")
 
 
@@ -100,14 +103,3 @@ def _closure(constraint: Any, number: int) -> tuple[str, Any]:
         what = f"constraint {number + 1} is a {type(one).__name__}{' with an offset' if kind else ''}, which is not supported"
         raise RobotError(what, hint="a constraint makes two points or two frames coincide: CONTACT_3D or CONTACT_6D")
     return kind, one
-
-
-def _posture(model: pin.Model, home: str) -> Iterator[tuple[str, list[float]]]:
-    if home not in model.referenceConfigurations:
-        known = ", ".join(one.key() for one in model.referenceConfigurations) or "none"
-        raise RobotError(f"the model has no reference configuration {home!r}", hint=f"there are {known}")
-    q = model.referenceConfigurations[home]
-    for joint in range(1, model.njoints):
-        at, count = int(model.idx_qs[joint]), int(model.nqs[joint])
-        own = [float(value) for value in q[at : at + count]]
-        yield model.names[joint], [math.atan2(own[1], own[0])] if count == 2 else own

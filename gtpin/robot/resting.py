@@ -18,7 +18,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 import numpy as np
 import pinocchio as pin
 
-from gtpin.errors import RobotError
+from gtpin.errors import RobotError, listed
 from gtpin.robot.description import RobotDescription, parse_xml
 from gtpin.robot.far_frames import bring_near
 from gtpin.robot.tree import Mimic, Tree
@@ -82,8 +82,8 @@ def _check(description: RobotDescription, names: Sequence[str]) -> None:
         if name in follows:
             what, hint = f"{name} follows {follows[name]} by <mimic>", f"name {follows[name]} in its place"
         elif name not in moving:
-            known = ", ".join(moving[:12]) + (" ..." if len(moving) > 12 else "")
-            what, hint = f"{description.name} has no moving joint {name!r}", f"moving joints are {known or 'none'}"
+            what = f"{description.name} has no moving joint {name!r}"
+            hint = f"moving joints are {listed(moving) or 'none'}"
         elif name in names[:number]:
             what = f"{name} comes twice"
         if what:
@@ -253,6 +253,16 @@ def followers(model: Any, mimics: Sequence[Mimic]) -> tuple[Follower, ...]:
                 )
             )
     return tuple(found)
+
+
+def coordinates(model: Any, configuration: Floats) -> dict[str, tuple[float, ...]]:
+    """The coordinates of each joint in a configuration (nq,), by its name; of a continuous joint its angle."""
+    found = {}
+    for joint in range(1, model.njoints):
+        at, count = int(model.idx_qs[joint]), int(model.nqs[joint])
+        own = tuple(float(x) for x in configuration[at : at + count])
+        found[str(model.names[joint])] = (math.atan2(own[1], own[0]),) if count == 2 else own
+    return found
 
 
 def put(configurations: Floats, index: int, values: Floats | float, continuous: bool) -> None:

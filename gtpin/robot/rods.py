@@ -85,10 +85,6 @@ class RodBody:
     moment: float
     sliding: float
 
-    def on_carrier(self, stretch: Floats, length: Floats) -> Floats:
-        """The part of its mass, kg, that the carrier supports when the leg is extended by ``stretch`` to a length, m."""
-        return np.asarray((self.moment + self.sliding * stretch) / length)
-
 
 def rod_body(robot: ConstrainedModel, rod: Rod) -> RodBody:
     """The body of a rod, from the inertias of its links."""

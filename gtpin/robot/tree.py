@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from xml.etree.ElementTree import Element
 
 from gtpin.errors import RobotError
+from gtpin.robot.urdf_elements import numbers_of
 
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints with one degree of freedom."""
@@ -98,15 +99,9 @@ class Tree:
 
 
 def _mimic(joint: str, element: Element, source: str) -> Mimic:
-    try:
-        numbers = [float(element.get(key, default)) for key, default in (("multiplier", "1"), ("offset", "0"))]
-    except ValueError:
-        numbers = [math.nan]
-    if not all(map(math.isfinite, numbers)):
+    numbers = numbers_of(f"{element.get('multiplier', '1')} {element.get('offset', '0')}")
+    if len(numbers) != 2 or not all(map(math.isfinite, numbers)):
         raise RobotError(f"<mimic> of joint {joint} has what is no number", file=source, hint="mend the <mimic>")
-    if max(map(abs, numbers)) > MOST:
-        what = f"<mimic> of joint {joint}: multiplier {numbers[0]:g}, offset {numbers[1]:g}"
-        raise RobotError(what, file=source, hint="mend the <mimic>; no joint moves so far")
     return Mimic(joint, element.get("joint", ""), *numbers)
 
 
@@ -121,7 +116,7 @@ def _to_master(mimic: Mimic, follows: Mapping[str, Mimic], moving: list[str], so
         multiplier *= further.multiplier
         master = further.master
     if max(abs(multiplier), abs(offset)) > MOST:
-        what = f"joint {mimic.joint} follows {master} by a multiplier of {multiplier:g} and an offset of {offset:g}"
+        what = f"<mimic> of joint {mimic.joint}: it follows {master} by a multiplier of {multiplier:g}, an offset of {offset:g}"
         raise RobotError(what, file=source, hint="mend the <mimic>; no joint moves so far")
     if master not in moving or master in follows:
         what = f"joint {mimic.joint} follows {mimic.master or 'no joint'} by <mimic>"

@@ -1,7 +1,8 @@
-"""Elements of a URDF that is written: joints, masses, and numbers that are read again exactly."""
+"""Elements of a URDF that is written: joints, masses, numbers that are read again exactly; and such numbers that are read."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
@@ -12,6 +13,14 @@ import pinocchio as pin
 def exact_text(values: Iterable[float]) -> str:
     """Numbers as text from which exactly the same floats are read."""
     return " ".join(repr(float(value) + 0.0) for value in values)
+
+
+def numbers_of(text: str) -> tuple[float, ...]:
+    """The numbers of a text; one that is not a number where a word of it is none."""
+    try:
+        return tuple(float(word) for word in text.split())
+    except ValueError:
+        return (math.nan,)
 
 
 def own_element(root: Element) -> Element:

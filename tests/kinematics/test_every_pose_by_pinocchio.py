@@ -33,7 +33,7 @@ def one_copy(kinematics: Kinematics, configuration: Floats) -> pin.SE3:
     """The TCP by forward kinematics of a model that has the geometry's placements."""
     robot, placements = kinematics.robot, kinematics.placed.placements
     model = robot.model.copy()
-    for j in range(1, model.njoints if placements is not None else 1):
+    for j in range(1, model.njoints):
         numbers = placements[j - 1]
         model.jointPlacements[j] = pin.SE3(numbers[:9].reshape(3, 3).T, numbers[9:])
     data = model.createData()
@@ -50,7 +50,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counted:
         count.computed += len(configuration) // 22  # of the Gantry-Tau
         return plain(model, data, configuration)
 
-    def batch(self: Copies, X: Floats, placements: Floats | None = None) -> tuple[Floats, Floats]:
+    def batch(self: Copies, X: Floats, placements: Floats) -> tuple[Floats, Floats]:
         before = count.computed
         found = joints(self, X, placements)
         count.unaccounted += max(0, len(X) - (count.computed - before))
