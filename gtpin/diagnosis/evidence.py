@@ -69,6 +69,7 @@ class Groups(Generic[K]):
         self._half: dict[K, Floats] = {}
         self._moment: dict[K, Floats] = {}
         self._block: dict[tuple[K, K], Floats] = {}
+        self._together: tuple[tuple[K, ...], Floats, Floats] = (), np.zeros((0, 0)), np.zeros((0, 0))
         self._half_y = marginal.half(y[:, None])[:, 0]
         self.power = float(y @ y - self._half_y @ self._half_y)
 
@@ -134,8 +135,24 @@ class Groups(Generic[K]):
             self._block[a, b], self._block[b, a] = found, found.T
         return self._block[a, b]
 
+    def _beside(self, parts: Sequence[K]) -> tuple[Floats, Floats]:
+        """Columns of some groups, none of them joined, and what the geometry absorbs of them."""
+        return np.hstack([self._columns[part] for part in parts]), np.hstack([self._half[part] for part in parts])
+
     def across(self, term: K, others: Sequence[K]) -> Floats:
         """(c, m) inner products of a group with several others, m columns in all."""
+        parts = [part for other in others for part in self.parts(other)]
+        mine = [one for one in self.parts(term) if any((one, part) not in self._block for part in parts)]
+        new = tuple(part for part in parts if any((one, part) not in self._block for one in mine))
+        if len(new) > 1:  # one product for all: it reads the columns once
+            if self._together[0] != new:
+                self._together = (new, *self._beside(new))
+            columns, half = self._beside(mine)
+            found = columns.T @ self._together[1] - half.T @ self._together[2]
+            ends, tops = (np.cumsum([self.width(part) for part in some])[:-1] for some in (new, mine))
+            for one, rows in zip(mine, np.split(found, tops), strict=True):
+                for part, block in zip(new, np.split(rows, ends, axis=1), strict=True):
+                    self._block[one, part], self._block[part, one] = block, block.T
         return np.hstack([np.zeros((self.width(term), 0)), *(self.block(term, other) for other in others)])
 
 

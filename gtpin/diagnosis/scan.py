@@ -92,11 +92,13 @@ class Scan:
         self._seen_groups: dict[Hashable, Floats] = {}
         self._together: tuple[tuple[Hashable, ...], Floats, Floats] | None = None
 
-    def _displacements(self, values: Sequence[float] | Floats) -> Floats:
+    def _displacements(self, values: Sequence[float] | Floats, columns: list[int] | slice = slice(None)) -> Floats:
+        """(S, c, R) displacements for some values; ``columns``: only these of each."""
         bases = self.effect.bases(self.design.operating_points, self.site, values)
         if self._factor is None:
-            return np.stack([self.design.columns(basis).T for basis in bases])
-        return np.stack([basis.command[1].T * basis.sigma[:, None] for basis in bases if basis.command])
+            return np.stack([self.design.columns(basis).T[columns] for basis in bases])
+        moved = ((basis.command[1].T[columns], basis.sigma[columns]) for basis in bases if basis.command)
+        return np.stack([travel * sigma[:, None] for travel, sigma in moved])
 
     def _seen(self, Z: Floats) -> Floats:
         """(R, m) form of columns Z (N c, m) in which inner products with displacements are computed."""
@@ -123,7 +125,7 @@ class Scan:
         """Displacements (S, k, R) of the cores of all values where they are kept, and their products."""
         kept, found = [], []
         for batch in self._batches:
-            cores = self._displacements(batch)[:, self._core]
+            cores = self._displacements(batch, self._core)
             found.append(self._products(cores))
             if cores.size * len(self.values) <= MOST_KEPT * len(batch):
                 kept.append(cores)
@@ -138,7 +140,7 @@ class Scan:
         if new := [part for part in parts if part not in self._with_groups]:
             kept, products = self._cores
             seen = np.hstack([self._seen_groups[part] for part in new])
-            anew = (self._displacements(batch)[:, self._core] for batch in self._batches)
+            anew = (self._displacements(batch, self._core) for batch in self._batches)
             found = np.vstack([some.reshape(-1, len(seen)) @ seen for some in (anew if kept is None else (kept,))])
             found -= products.halves.T @ np.hstack([self.groups.half(part) for part in new])
             ends = np.cumsum([self.groups.width(part) for part in new])
