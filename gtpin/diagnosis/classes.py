@@ -210,12 +210,7 @@ def with_two_instead(hypotheses: HypothesisSet, model: Posterior[Term], classes:
         rest = without(hypotheses.groups, model, cause, sweeps=1)
         own = model.log_evidence - rest.log_evidence
         odds, two = _best_two(hypotheses, model, rest, (cause,), LEAST_SHARE * own)
-        leader = own_probability(members, cause)
-        whole = 1.0 + odds * leader
-        each = odds * leader / whole / 2.0
-        if each < CLASS_SHARE * max(m.probability for m in members) / whole:
-            continue
-        found[cause] = ordered(_with_both(members, two, whole, each).values(), cause)
+        found[cause] = _or_together(members, cause, two, odds)
     for pair in combinations(causes(model), 2) if not hypotheses.long else ():
         rest = without(hypotheses.groups, without(hypotheses.groups, model, pair[0]), pair[1], sweeps=1)
         own = model.log_evidence - rest.log_evidence
@@ -231,15 +226,26 @@ def with_two_instead(hypotheses: HypothesisSet, model: Posterior[Term], classes:
     return found
 
 
-def _with_both(
-    members: Iterable[ClassMember], two: tuple[Hypothesis, ...], whole: float, each: float
-) -> dict[tuple[str, str], ClassMember]:
-    """A class by places, its probabilities divided by ``whole``, in which each of two or more has ``each`` in addition."""
+def _or_together(
+    members: tuple[ClassMember, ...], cause: Hypothesis, several: Sequence[Hypothesis], odds: float
+) -> tuple[ClassMember, ...]:
+    """A cause's class in which several hypotheses that act together may be in the place of the cause.
+
+    ``odds``: those of all together to the cause. Their probability is divided equally between them. Where each has less than
+    ``CLASS_SHARE`` of the largest probability, the class stays as it is.
+    """
+    if not several:
+        return members
+    leader = own_probability(members, cause)
+    whole = 1.0 + odds * leader
+    each = odds * leader / whole / len(several)
     known = {m.hypothesis.place: replace(m, probability=m.probability / whole) for m in members}
-    for hypothesis, other in zip(two, (*two[1:], two[0]), strict=True):
+    if each < CLASS_SHARE * max(m.probability for m in known.values()):
+        return members
+    for hypothesis, other in zip(several, (*several[1:], several[0]), strict=True):
         alone = known.get(hypothesis.place, ClassMember(hypothesis, 0.0, beside=other))
         known[hypothesis.place] = replace(alone, probability=alone.probability + each)
-    return known
+    return ordered(known.values(), cause)
 
 
 def with_shared_loads(hypotheses: HypothesisSet, model: Posterior[Term], classes: Classes) -> Classes:
@@ -266,12 +272,10 @@ def with_shared_loads(hypotheses: HypothesisSet, model: Posterior[Term], classes
             instead = hypotheses.extended(rest, other).scale[-1]
             shared = fixed(hypotheses.groups, both, (*model.scale, instead)).log_evidence - model.log_evidence
             ahead = max(gain - min(against, priors.imitation), min(shared, 0.0) / priors.temperature)
-            odds, leader = exp(min(ahead, MOST_ODDS)), own_probability(members, cause)
-            whole = 1.0 + odds * leader
-            each = odds * leader / whole / 2.0
-            if each < CLASS_SHARE * leader:
+            shares = _or_together(members, cause, (cause, other), exp(min(ahead, MOST_ODDS)))
+            if shares is members:
                 continue
-            known = _with_both(members, (cause, other), whole, each)
+            known = {m.hypothesis.place: m for m in shares}
             own, second = known[cause.place], known[other.place]
             lacking = max(min(LIKELY - own.probability, second.probability), 0.0)
             known[cause.place] = replace(own, probability=own.probability + lacking, beside=None)
@@ -302,11 +306,7 @@ def with_all_actuators(hypotheses: HypothesisSet, model: Posterior[Term], classe
                 ahead = (every.log_evidence - model.log_evidence) / hypotheses.priors.temperature_of(own)
                 best = max(best, (exp(min(ahead, 0.0)), tuple(alike)), key=lambda one: one[0])
         odds, several = best
-        leader = own_probability(members, cause)
-        whole = 1.0 + odds * leader
-        each = odds * leader / whole / max(len(several), 1)
-        if several and each >= CLASS_SHARE * leader / whole:
-            found[cause] = ordered(_with_both(members, several, whole, each).values(), cause)
+        found[cause] = _or_together(members, cause, several, odds)
     return found
 
 
@@ -326,11 +326,8 @@ def with_equal_actuators(hypotheses: HypothesisSet, model: Posterior[Term], clas
             rest = without(groups, model, cause, sweeps=1)
             own = model.log_evidence - rest.log_evidence
             ahead = (hypotheses.gains(rest, [equal])[equal].value - own) / hypotheses.priors.temperature_of(own)
-            odds, leader = exp(min(ahead, 0.0)), own_probability(members, cause)
-            whole = 1.0 + odds * leader
-            each = odds * leader / whole / len(every)
-            if len(every) > 1 and each >= CLASS_SHARE * leader / whole:
-                found[cause] = ordered(_with_both(members, tuple(every), whole, each).values(), cause)
+            if len(every) > 1:
+                found[cause] = _or_together(members, cause, every, exp(min(ahead, 0.0)))
     return found
 
 
