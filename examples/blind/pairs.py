@@ -46,7 +46,7 @@ def jobs(machines: int) -> list[dict[str, object]]:
 
 
 def _drafts() -> Iterator[Draft]:
-    return drafts(CASES, SEED)
+    return drafts(CASES, SEED, without=("measurement_delay",))  # newer than the record
 
 
 def measured(case: str) -> list[dict[str, object]]:

@@ -67,7 +67,7 @@ def measured(case: int, prior: str) -> list[dict[str, object]]:
 @lru_cache(maxsize=1)
 def _settled(case: int) -> tuple[SearchState, Scope, dict[tuple[str, str], float], str] | None:
     """A case before its hypotheses are compared, with its truth and kind; None where it is refused."""
-    draft = list(drafts(case + 1, SEED))[case]
+    draft = list(drafts(case + 1, SEED, without=("measurement_delay",)))[case]  # newer than the record
     drawn = made(draft)
     robot = load_robot(drawn.dataset.robot_reference)
     scope = Scope.of(gtpin.catalogue(), (), 0.01, robot)

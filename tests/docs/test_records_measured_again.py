@@ -90,7 +90,8 @@ def judged(draft: Draft, folder: Path) -> Judged:
 
 def test_the_first_sealed_cases_come_out_as_the_page_of_the_blind_check_says(tmp_path: Path) -> None:
     record = json.loads(RECORD.read_text(encoding="utf-8"))
-    singles = [draft for draft in drafts(CASES, int(record["check"]["seed"])) if draft.kind == "one"]
+    drawn = drafts(CASES, int(record["check"]["seed"]), without=("measurement_delay",))  # newer than the record
+    singles = [draft for draft in drawn if draft.kind == "one"]
     assert len(singles) > 2
     found = [judged(draft, tmp_path / draft.name) for draft in singles]
     changed = [case.name for case in found if case.strict != record["right"][case.name]]
