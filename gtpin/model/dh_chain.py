@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from gtpin.errors import ConvergenceError
 from gtpin.model.model import Model, root_of
 from gtpin.typing import Floats
 
@@ -18,8 +19,9 @@ LOCAL = {"theta": RZ, "d": Z, "a": X, "alpha": RX, "beta": RY}
 POSTURES = 12
 """Number of postures at which the poses are compared: six numbers each, of at most six parameters a joint and six of the
 tool."""
-STEPS, CLOSE, RANK = 20, 1e-12, 1e-9
-"""Largest number of Newton steps, the step at which they end, m and rad, and the relative singular value that counts as 0."""
+STEPS, CLOSE, EQUAL, RANK = 20, 1e-12, 1e-8, 1e-9
+"""Largest number of Newton steps; the step at which they end, and the largest last step of an equal table, m and rad; and the
+relative singular value that counts as 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +55,8 @@ class DhChain:
 
         ``start``, ``covariance``: their estimate (r,) and its covariance (r, r). Of several tables with these poses it is the
         one that is nearest by this covariance. ``stands``: (6, k) motions of the whole machine that are no error.
+
+        Raises `ConvergenceError` where the steps do not end.
         """
         x, half, r = start.copy(), root_of(covariance), len(start)
         q = np.random.default_rng(0).uniform(-1.0, 1.0, (POSTURES, model.robot.n_actuators))
@@ -69,4 +73,7 @@ class DhChain:
             x, wanted = x + step, wanted.moved(moved.translation, moved.rotation)
             if np.abs(step).max() < CLOSE:
                 break
+        if np.abs(step).max() > EQUAL:
+            what = f"a Denavit-Hartenberg table of {model.robot.name} has not converged in {STEPS} steps"
+            raise ConvergenceError(what, hint="export a URDF")
         return x
