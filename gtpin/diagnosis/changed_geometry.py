@@ -17,6 +17,7 @@ import numpy as np
 
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.displacement import Displacement
+from gtpin.effects.drive_errors import ZeroShift
 from gtpin.effects.effect import Effect, Parameters
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.model.model import Model
@@ -148,7 +149,7 @@ def _columns(active: ActiveEffect, geometry: Geometry) -> Sequence[Column]:
     """What each coefficient of an effect changes of the parameters of the geometry; empty for other effects."""
     if isinstance(active.effect, GeometryChange):
         return active.effect.columns_by_site[active.site]
-    if active.effect.id != "zero_shift" or active.references.sessions:
+    if not isinstance(active.effect, ZeroShift) or active.references.sessions:
         return ()
     if f"zero[{active.site}]" in geometry.names:
         return ({f"zero[{active.site}]": 1.0},)
