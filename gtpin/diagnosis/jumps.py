@@ -45,9 +45,9 @@ def jump_times(dataset: Dataset, model: Model, used: Mask, site: str) -> tuple[f
 def jumps(time: Floats, left: Floats, weight: Floats) -> tuple[float, ...]:
     """Times between which errors ``left`` (N, m) at times (N,), with weights (N,), are constant; empty where they do not jump.
 
-    Each further jump is that with the largest gain in log likelihood; their number is that of the largest likelihood less a
-    cost of each. Errors that change smoothly are as well described by a
-    polynomial of the time with as many numbers as the jumps have: m for each height, and one for each place.
+    Each further jump is the one with the largest gain in log likelihood. Their number is that of the largest log likelihood
+    less a cost of each. Errors that change smoothly follow a polynomial of the time as well, which has as many numbers as the
+    jumps have: m for each height, and one for each place.
     """
     order = np.argsort(time, kind="stable")
     time, left, weight = time[order], left[order] * np.sqrt(weight[order])[:, None], np.sqrt(weight[order])

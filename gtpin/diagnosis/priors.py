@@ -16,7 +16,8 @@ LIKELY = 0.5
 """Probability from which the leader of a class is likely: it can stand beside something unknown, and a weak cause is listed
 with the others. It is fixed for the same reason."""
 UNLIKELY = 0.49
-"""Largest probability of a cause without which the errors of left-out poses are no larger: below ``LIKELY``."""
+"""Largest probability of a cause without which the errors of left-out poses are no larger. Assumed: such a cause is not likely,
+so that it is any number a little below ``LIKELY``; a number equal to it would pass or fail by rounding."""
 CLASS_SHARE = 0.05
 """Share of the leader's probability from which a hypothesis belongs to its class. It is fixed for the same reason."""
 
