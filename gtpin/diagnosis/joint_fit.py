@@ -24,7 +24,7 @@ from gtpin.estimate import Estimate
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
-from gtpin.model.model import Model
+from gtpin.model.model import Model, root_of
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
@@ -311,12 +311,12 @@ def estimates(robot: Chain, active: ActiveEffect, ends: Floats) -> dict[str, Est
     coefficients. They are not needed for the value: a mean or a median of draws of such a norm is too large, because the
     draws add the posterior's variance to coefficients that contain the noise already.
     """
-    values, vectors = np.linalg.eigh(active.covariance)
-    unit = np.random.default_rng(0).standard_normal((PARAMETER_DRAWS, len(values) + max(len(ends), 1)))
+    root, m = root_of(active.covariance), len(active.coefficients)
+    unit = np.random.default_rng(0).standard_normal((PARAMETER_DRAWS, m + max(len(ends), 1)))
     drawn = []
     for z in np.vstack([unit, -unit]):
-        c = active.coefficients + vectors @ (np.sqrt(np.maximum(values, 0.0)) * z[: len(values)])
-        steps = [abs(size) * both[int(size > 0.0)] for size, both in zip(z[len(values) :], ends, strict=False)]
+        c = active.coefficients + root @ z[:m]
+        steps = [abs(size) * both[int(size > 0.0)] for size, both in zip(z[m:], ends, strict=False)]
         c = c + sum(step[1:] for step in steps)
         places = [value + float(step[0]) for value, step in zip(active.values, steps, strict=True)]
         drawn.append([v for v, _ in active.effect.parameters_of(robot, active.site, c, places).values()])

@@ -359,9 +359,12 @@ def draws(mean: Floats, covariance: Floats, n: int, rng: np.random.Generator) ->
 
 
 def root_of(covariance: Floats) -> Floats:
-    """F with F F' = ``covariance``, which may be singular."""
+    """F with F F' = ``covariance``, which may be singular; of all such F the one that rounding does not turn.
+
+    Scaled to correlations, it is the symmetric root: signs and, of equal eigenvalues, directions of eigenvectors are arbitrary.
+    """
     sigma = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
     size = np.where(sigma > 0.0, sigma, 1.0)
     # Parameters have different units: the eigenvalues are those of the correlations.
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-    return np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+    return np.asarray(size[:, None] * ((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T))

@@ -108,3 +108,15 @@ def test_what_small_noise_determines_has_a_small_variance_in_the_covariance():
         leverage = ((J @ root) ** 2).sum(axis=1)
         assert leverage.max() < 1.0 + 1e-3
         assert leverage.sum() == pytest.approx(30.0, rel=1e-2)
+
+
+def test_rounding_does_not_turn_the_root_of_a_covariance():
+    """Signs and directions of eigenvectors are arbitrary, and draws from a posterior should not be."""
+    rng = np.random.default_rng(2)
+    sigma = 10.0 ** rng.uniform(-6.0, 0.0, 8)
+    for correlation in (np.eye(8), np.eye(8) + 0.5 * (np.ones((8, 8)) - np.eye(8))):  # of equal eigenvalues
+        covariance = correlation * np.outer(sigma, sigma)
+        rounded = covariance * (1.0 + 1e-15 * rng.standard_normal((8, 8)))
+        first, second = root_of(covariance), root_of((rounded + rounded.T) / 2.0)
+        assert first @ first.T == pytest.approx(covariance, rel=1e-9)
+        assert (np.abs(first - second) / sigma[:, None]).max() < 1e-9
