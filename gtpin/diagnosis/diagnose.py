@@ -38,6 +38,7 @@ from gtpin.diagnosis.gap import (
 )
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
 from gtpin.diagnosis.joint_fit import cause, fit_together
+from gtpin.diagnosis.jumps import jump_times
 from gtpin.diagnosis.leaders import leaders, left_with
 from gtpin.diagnosis.next_experiment import classes, plan
 from gtpin.diagnosis.noise import (
@@ -352,6 +353,9 @@ def _diagnose(
         experiments = (*experiments, *more)
     regions = by_region(searched, max(2, min(REGIONS, int(searched.visits.max()) + 1)))
     aside: Mask = ~np.isin(recorded.row, settled.kept.row)
+    unknown = remaining.correlates[:1] if found.verdict == "unknown" else ()
+    over_time = [one.site for one in unknown if one.coordinates == "time"]
+    jumps = [t for site in over_time for t in jump_times(recorded, model, ~aside, site)]
     return Diagnosis(
         verdict=found.verdict,
         causes=tuple(causes),
@@ -362,7 +366,12 @@ def _diagnose(
         noise_source=shown.source,
         noise_ratio=shown.ratio,
         unexplained=replace(
-            remaining, could_be=could_be, descriptions=found.descriptions, leaders=nearest, best_known=best
+            remaining,
+            could_be=could_be,
+            descriptions=found.descriptions,
+            leaders=nearest,
+            best_known=best,
+            jumps=tuple(jumps),
         ),
         baseline=prepared.baseline,
         model=model,

@@ -198,7 +198,7 @@ class Unexplained:
     instrument reads positions, and for untestable effects, which can't be fitted. ``descriptions``: flexible families that
     explain a part of them and are no causes. ``leaders``: where something unknown is assumed, the mechanisms of the catalogue
     by evidence, five at most. ``best_known``: the best set of mechanisms; None where no set explains a tenth of the gap's
-    squares.
+    squares. ``jumps``: times, s, at which what is unknown jumps, where it is a function of the time.
     """
 
     share: float
@@ -208,6 +208,7 @@ class Unexplained:
     descriptions: tuple[FlexibleFamily, ...] = ()
     leaders: tuple[Leader, ...] = ()
     best_known: BestKnown | None = None
+    jumps: tuple[float, ...] = ()
 
 
 Standing = Literal[

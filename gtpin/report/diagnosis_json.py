@@ -54,6 +54,7 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
             "could_be": [_place(place) | {"position_rms_after": left} for place, left in unexplained.could_be.items()],
             "leaders": [_of(one, "effect", "site", "log_evidence", "left") for one in unexplained.leaders],
             "best_known": best and {"effects": [_place(place) for place in best.effects], "left": best.left},
+            "jumps": list(unexplained.jumps),
             "questions": [
                 _of(q, "effect", "site", "parameter", "value", "sigma", "unit")
                 | {"expected": [end if np.isfinite(end) else None for end in (q.low, q.high)]}

@@ -8,7 +8,6 @@ from operator import attrgetter
 
 import numpy as np
 
-from gtpin.diagnosis.jumps import jump_times
 from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS
 from gtpin.diagnosis.result import Cause, Considered, Correlate, Diagnosis, Findings, Gap, InstrumentGap
 from gtpin.diagnosis.trials import kind
@@ -263,13 +262,11 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
 
 def _jumping(d: Diagnosis) -> list[str]:
     """That the unknown error jumps in time, where it does, and that sessions would show whether a zero or the frame moved."""
-    over_time = [one.site for one in d.unexplained.correlates[:1] if one.coordinates == "time"]
-    times = [t for site in over_time for t in jump_times(d.dataset, d.model, d.baseline.used(d.dataset), site)]
-    if not times:
+    if not d.unexplained.jumps:
         return []
-    at = joined([quantity(t, "s") for t in times])
+    at, site = joined([quantity(t, "s") for t in d.unexplained.jumps]), d.unexplained.correlates[0].site
     return [
-        f"The error at {site_words(over_time[0])} jumps at {at}: if the machine was homed there, restarted or measured from "
+        f"The error at {site_words(site)} jumps at {at}: if the machine was homed there, restarted or measured from "
         "another place, add a column session with a name for each part, and diagnose again."
     ]
 

@@ -52,3 +52,7 @@ def test_zeros_that_jump_without_a_session_are_told_with_their_times(seed: int) 
     text = " ".join(found.summary().split())
     assert "The error at elbow jumps at" in text
     assert "add a column session" in text
+    times = found.unexplained.jumps
+    assert found.to_json()["unexplained"]["jumps"] == list(times)
+    for at, true in zip(times, TIMES, strict=True):
+        assert np.count_nonzero((given["time"] > min(at, true)) & (given["time"] < max(at, true))) <= 2
