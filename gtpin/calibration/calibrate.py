@@ -174,6 +174,8 @@ def calibrate(
         else:
             check_actuators(robot, dataset)
             geometry = model_geometry(model, robot, dataset, orientations=orientations)
+        if both := [name for name in fixed if name in free]:
+            raise ModelError(f"{both[0]} is to be held and freed", hint="name it in fix or in free")
         geometry = geometry.freed(free).holding(fixed)
         limits = _checked_bounds(bounds or {}, (*geometry.names, *fixed))
         if poses is not None:
@@ -185,11 +187,14 @@ def calibrate(
             chosen = geometry
             while limits:
                 with unheard():
-                    beyond = _beyond(fitted(chosen, None), limits)
-                if beyond is None:
+                    free = fitted(chosen, None)
+                if (beyond := _beyond(free, limits)) is None:
                     break
-                warn(f"{beyond[0]} is held at {beyond[1]:g}, the end of its bounds")
-                chosen = chosen.holding(dict([beyond]))
+                name, end = beyond
+                off = abs(free[name].value - end) / free[name].sigma
+                where = f"the data put it at {free[name].value:.7g} +- {free[name].sigma:.2g}, {off:.2g} sigmas outside"
+                warn(f"{name} is held at {end:g}, the end of its bounds: {where}")
+                chosen = chosen.holding({name: end})
             return fitted(chosen, watched)
 
         found = with_kept_effects(data, kept, robot, calibrated) if kept else calibrated(data)

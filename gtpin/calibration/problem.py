@@ -251,9 +251,14 @@ def nominal_residual(problem: Problem, near: Poses) -> Floats:
     """(N, c) measured less predicted by the nominal geometry, m and rad, with a free frame and the instruments' unknowns fitted
     to it: they minimise the errors that are reported, of a tracker those of positions.
 
-    ``near``: (N) poses of the nominal geometry, base frame.
+    ``near``: (N) poses of the geometry at the start of the fit, base frame: the nominal one, except for what is held elsewhere.
     """
     readings, start = problem.measured, problem.start
+    if not start.geometry.is_nominal:
+        nominal = replace(start.geometry, held=tuple((p, p.nominal) for p, _ in start.geometry.held))
+        poses = Model(nominal).kinematics.forward(readings.q)
+        if poses.reached.all():
+            start, near = replace(start, geometry=nominal), poses
     if problem.free_frame:
         measured = problem.poses
         start = replace(start, frame=Frame(*aligned(near, measured.T, measured.R, np.ones(len(near)), POSITIONS)))

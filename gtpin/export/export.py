@@ -9,7 +9,7 @@ from pathlib import Path
 from gtpin.compensation.correctable import drive_scales
 from gtpin.compensation.machine import check_session
 from gtpin.errors import GtpinError, RobotError, check_kind, warn
-from gtpin.export.loss import assumed_base, assumed_tool, left_out, with_losses
+from gtpin.export.loss import assumed_tool, left_out, notes_of_robots, with_losses
 from gtpin.export.urdf import changed_origins, side_file, with_anchors, with_transmissions
 from gtpin.export.writer import Export, TablesFor, Writer
 from gtpin.extensions import extension_names, extensions
@@ -122,13 +122,13 @@ def _urdf(model: Model, file: Path, session: str | None, tables: TablesFor) -> E
     urdf = with_transmissions(calibrated_urdf(model), model.robot, scales)
     missing = left_out(model)
     transmitted = tuple(name for name in missing if name in carried)
-    return Export({file.name: urdf}, missing, assumed_base(model), in_transmissions=transmitted)
+    return Export({file.name: urdf}, missing, notes_of_robots(model), in_transmissions=transmitted)
 
 
 def _parallel_robots(model: Model, file: Path, session: str | None, tables: TablesFor) -> Export:
     robot = calibrated_chain(model)
     files = {file.name: side_file(robot), f"{file.stem}.urdf": with_anchors(robot)}
-    return Export(files, left_out(model), assumed_base(model))
+    return Export(files, left_out(model), notes_of_robots(model))
 
 
 def _diff(model: Model, file: Path, session: str | None, tables: TablesFor) -> Export:
@@ -137,7 +137,7 @@ def _diff(model: Model, file: Path, session: str | None, tables: TablesFor) -> E
     if robot.kind != "urdf":
         raise RobotError(f"{robot.name} was read from an MJCF, which has no origins", hint="write its URDF or MJCF")
     text = changed_origins(robot.xml, calibrated_urdf(after), f"{robot.name}.urdf")
-    return Export({file.name: text}, left_out(model), assumed_base(model))
+    return Export({file.name: text}, left_out(model), notes_of_robots(model))
 
 
 OWN = {

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.accuracy.expected import Undetermined
+from gtpin.accuracy.expected import Undetermined, unexplained_error
 from gtpin.accuracy.workspace import well_conditioned
 from gtpin.compensation.correctable import geometric_scales
 from gtpin.compensation.machine import needed_by
@@ -221,6 +221,23 @@ def assumed_base(model: Model) -> tuple[str, ...]:
     return (
         f"{words} (expected at the TCP: {um(parts.base)} um; {sits}everything else of the geometry, {um(parts.rest)} um)",
     )
+
+
+def not_explained(model: Model) -> tuple[str, ...]:
+    """What a model does not explain of the data of its fit, as a text, where there is more than noise; else none."""
+    left = model.unexplained
+    if left is None or left.none:
+        return ()
+    q, poses = postures(model.of_tool())
+    size = np.sqrt(3.0) * unexplained_error(model, model.of_tool().kinematics.command_jacobian(q, poses))
+    noise = "" if left.noise_known else "; noise of the instrument is in it, because it is not known"
+    what = f"{um(size)} um" if left.position else f"{1e6 * left.orientation:.3g} urad"
+    return (f"is of a model that leaves {what} of the data of its fit unexplained (errors from pose to pose{noise})",)
+
+
+def notes_of_robots(model: Model) -> tuple[str, ...]:
+    """What is assumed of where the machine stands, and what the model does not explain, as texts."""
+    return (*assumed_base(model), *not_explained(model))
 
 
 def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +31,8 @@ class Departure:
 
     - ``name``: ``length[2a]``, ``zero[cart2]``, of a serial arm ``a[elbow_joint]``, ``base.ra``, ``tool.x``.
     - ``site``, ``what``: the part that has it and the quantity, as in the name.
-    - ``value``, ``sigma``: its value less the nominal one and the standard deviation, in ``unit``: m, rad or m/m.
+    - ``value``, ``sigma``: its value less the nominal one and the standard deviation, in ``unit``: m, rad or m/m; sigma 0 of a
+      parameter that was held.
     - ``determined``: whether the data determine it.
     - ``displacement``: (N, 3) displacement of the TCP by it, m, base frame, without what a motion of the whole machine
       explains that no instrument shows (:mod:`~gtpin.model.place`).
@@ -73,16 +74,19 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
     geometry, covariance = model.geometry, model.covariance
     if model.joint_covariance is not None:
         covariance = model.joint_covariance[: len(geometry.parameters), : len(geometry.parameters)]
-    if covariance is None or not geometry.deviation.any():
+    if covariance is None or geometry.is_nominal:
         return ()
     q = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), POSES)).astype(int))]
-    middle = Model(geometry.with_values(geometry.values - geometry.deviation / 2.0)).kinematics
+    halfway = [(p, p.nominal + deviation / 2.0) for p, deviation in geometry.all_deviations]
+    parameters, values = zip(*halfway, strict=True)
+    middle = Model(replace(geometry, parameters=parameters, values=np.array(values), held=())).kinematics
     poses = middle.forward(q)
     q, poses = q[poses.reached], poses[poses.reached]
     if not len(q):
         return ()
     J = middle.geometry_jacobian(q, poses)[:, :3]
     J = without_place(J, poses.T, free_motions(model))
+    J, of_held = J[..., : len(geometry.parameters)], J[..., len(geometry.parameters) :]
     table, found = table_with_base(model), []
     # Where the place of the target is unknown, the data say nothing of the tool.
     target = model.free_target
@@ -102,6 +106,10 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
                 numbers, moved = (one.value, one.sigma, one.unit, True), J @ one.way * one.value
                 known = relative.get(one.name, False)
                 found.append(Departure(one.name, rest.partition("]")[0], what, *numbers, moved, relative=known))
+        for k, (p, value) in enumerate(geometry.held):
+            if off := value - p.nominal:
+                what = p.name.partition("[")[0]
+                found.append(Departure(p.name, p.part, what, off, 0.0, p.unit, True, of_held[..., k] * off))
     return tuple(sorted(found, key=lambda one: -one.position_rms))
 
 

@@ -19,6 +19,7 @@ from gtpin.report.calibration_text import (
     best_frame,
     cannot_judge,
     elsewhere,
+    exact_scales,
     lost,
     scatters,
     unseen_words,
@@ -62,7 +63,7 @@ class CalibrationPresentation(FitPresentation):
         return Lead(
             f"{self.title} · {len(c.names)} parameters from {c.poses} measurements",
             "\n".join(filter(None, (geometry_line(found), headline))),
-            [*advice, *elsewhere(c)],
+            [*advice, *elsewhere(c), *exact_scales(c)],
             _numbers(c),
             badge,
             tone,

@@ -61,6 +61,17 @@ def elsewhere(c: Calibration) -> list[str]:
     ]
 
 
+def exact_scales(c: Calibration) -> list[str]:
+    """That the scales of the drives are no parameters, where a robot with rods could have them: a sentence."""
+    geometry = c.model.geometry
+    if not geometry.robot.rods or any(p.drive is not None for p, _ in geometry.all_deviations):
+        return []
+    return [
+        "The scales of the drives are taken as exact: 50 parts in a million can move other parameters by several sigmas. With "
+        'scale="actuator" they are identified too.'
+    ]
+
+
 def lost(c: Calibration) -> list[InstrumentFit]:
     """The errors that the calibrated geometry makes larger at poses left out of the fit, and larger than noise."""
     return [one for one in c.by_instrument if one.left_out > max(one.before, PRIORS.silent * one.floor)]
@@ -125,12 +136,19 @@ def noise_words(c: Calibration) -> list[str]:
     ]
 
 
+def repeatability_words(c: Calibration) -> str:
+    """The repeatability of each actuator, m or rad."""
+    turn = {actuator.revolute for actuator in c.model.robot.actuators}
+    sizes = {True: quantity(c.noise.repeatability, "rad"), False: quantity(c.noise.repeatability, "m")}
+    return " or ".join(words for of, words in sizes.items() if of in turn)
+
+
 def scatters(c: Calibration) -> str:
     """Warning that a large scatter of the drives may come from effects in part; empty if the scatter is small."""
     if c.noise.repeatability <= PRIORS.scatters * c.noise.position_sigma:
         return ""
     return (
-        f"Repeated visits scatter by {length(c.noise.repeatability)} at each actuator. A calibration counts this as noise, but "
+        f"Repeated visits scatter by {repeatability_words(c)} at each actuator. A calibration counts this as noise, but "
         "backlash and other effects that vary between visits can be part of it. A diagnosis tests this if directions of "
         "approach and speeds were recorded."
     )

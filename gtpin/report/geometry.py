@@ -73,9 +73,11 @@ def departure_words(one: Departure) -> str:
 
 
 def change_words(one: Departure) -> str:
-    """The change of a parameter with its sigma; of the zero of a turning joint in degrees, of a link its length."""
+    """The change of a parameter with its sigma, or that it was held; of the zero of a turning joint in degrees, of a link its
+    length."""
     value, sigma, unit = -one.value if one.reversed else one.value, one.sigma, one.unit
-    return f"{'+' if value > 0.0 else ''}{(zero_size if one.what == 'zero' else quantity)(value, unit, sigma)}"
+    held = "" if sigma else " (held)"
+    return f"{'+' if value > 0.0 else ''}{(zero_size if one.what == 'zero' else quantity)(value, unit, sigma)}{held}"
 
 
 def zero_size(value: float, unit: str, sigma: float) -> str:

@@ -33,6 +33,7 @@ from gtpin.report.words import (
     coordinate_words,
     joined,
     length,
+    percent,
     quantity,
     site_words,
 )
@@ -368,7 +369,7 @@ def not_recorded(d: Diagnosis) -> list[str]:
 
 
 def nearest(d: Diagnosis) -> str:
-    """How much the mechanisms explain that come nearest to what is unknown; empty where there is none.
+    """How much the mechanisms explain that come nearest to what is unknown, as a root mean square; empty where there is none.
 
     What could be in the place of one of them is named with it: the next of a cause's class; of what is no cause, the mechanism
     that by itself explains nearly as much.
@@ -376,15 +377,15 @@ def nearest(d: Diagnosis) -> str:
     best, before, leaders = d.unexplained.best_known, d.gap.before, d.unexplained.leaders
     if best is None and not leaders:
         return ""
-    explained = before - (leaders[0].left if best is None else best.left)
-    of = f"{100.0 * max(explained, 0.0) / before:.0f} % of the error"
+    power = before**2 - (leaders[0].left if best is None else best.left) ** 2
+    of = percent(max(power, 0.0) / before**2) + " of the squared error"
     if not d.gap.by_instrument:
-        of = f"{length(max(explained, 0.0))} of {length(before)}"
+        of = f"{length(float(np.sqrt(max(power, 0.0))))} of {length(before)}"
     if best is None:
         first = named(d.effect(leaders[0].effect), leaders[0].site)
         return f"No known mechanism comes near: {first} explains {of} at left-out poses, more than any other."
     instead = {(c.effect, c.site): (m.effect, m.site) for c in d.causes for m in others(c)[:1]}
-    near = [(one.effect, one.site) for one in leaders if before - one.left > NEARLY * explained]
+    near = [(one.effect, one.site) for one in leaders if before**2 - one.left**2 > NEARLY * power]
     near = [place for place in near if place not in best.effects]
     if len(best.effects) == 1 and near and not d.causes:
         instead[best.effects[0]] = near[0]

@@ -16,6 +16,8 @@ from gtpin.robot.chain import Chain
 from gtpin.robot.parameters import FREE, Parameter, all_tolerances, placement_parameters, rod_parameters
 from gtpin.typing import Floats, Mask
 
+ASKED_FOR = {"zero": "zeros=True (--zeros)", "scale": 'scale="actuator", or with scale="unknown" in the URDF'}
+"""Kinds of parameters that a geometry has only where they are asked for, and how."""
 UNITS = 100.0
 """Times a parameter's nominal value, or times 1 m, 1 rad or 1 m/m, from which a value is one in another unit. Assumed."""
 
@@ -236,8 +238,9 @@ class Geometry:
 def check_names(chosen: Iterable[str], names: Sequence[str]) -> None:
     """Raise `ModelError`, with the names that are most alike, where one that was chosen is not among ``names``."""
     for name in chosen:
-        if name not in names and str(name).startswith("zero["):
-            hint = "zeros are parameters where they are asked for: calibrate with zeros=True (--zeros)"
+        kind = str(name).partition("[")[0]
+        if name not in names and kind in ASKED_FOR:
+            hint = f"{kind}s are parameters where they are asked for: calibrate with {ASKED_FOR[kind]}"
             raise ModelError(f"no parameter is called {name!r}", hint=hint)
         if name not in names:
             near = get_close_matches(str(name), names, n=3, cutoff=0.4) or names[:1]

@@ -33,6 +33,10 @@ def test_a_held_parameter_has_its_value_in_the_result_on_disk_and_in_exports(tmp
     found = gtpin.calibrate(dataset, fix={NAME: known})
     assert found[NAME].value == known
     assert found[NAME].sigma == 0.0
+    assert [one.before for one in found.by_instrument] == [one.before for one in gtpin.calibrate(dataset).by_instrument]
+    text = found.summary()
+    assert NAME in text
+    assert "(held)" in text
     assert NAME not in found.names
     assert json.loads(json.dumps(found.to_json()))["held"] == {NAME: known}
     ends = found.model.kinematics.rod_ends(dataset.q, found.model.kinematics.forward(dataset.q))
@@ -90,7 +94,7 @@ def test_a_bounded_parameter_that_the_data_put_outside_is_held_at_its_end() -> N
     dataset = spoiled(np.random.default_rng(5), 2e-3)[1]
     plain = gtpin.calibrate(dataset)
     high = plain[NAME].value - plain[NAME].sigma
-    with pytest.warns(GtpinWarning, match=r"length\[2a\] is held at .*, the end of its bounds"):
+    with pytest.warns(GtpinWarning, match=r"length\[2a\] is held at .*, the end of its bounds: .*, 1 sigmas outside"):
         found = gtpin.calibrate(dataset, bounds={NAME: (LENGTH, high)})
     assert found[NAME].value == high
     assert any("is held at" in text for text in found.warnings)
@@ -110,7 +114,8 @@ def test_bounds_that_hold_anyway_change_nothing() -> None:
     [
         ({"fix": {"lenght[2a]": 2.0}}, r"no parameter is called 'lenght\[2a\]'; did you mean length\[2a\]"),
         ({"free": ["cart_joint[2a]"]}, r"did you mean cart_joint\[2a\]\.[xyz], "),
-        ({"bounds": {"scale[cart1]": (0.0, 1.0)}}, r"no parameter is called 'scale\[cart1\]'"),
+        ({"bounds": {"scale[cart1]": (0.0, 1.0)}}, r"no parameter is called 'scale\[cart1\]'; .*scale=.actuator."),
+        ({"fix": {NAME: LENGTH}, "free": [NAME]}, r"length\[2a\] is to be held and freed"),
         ({"bounds": {NAME: (2.0, 1.0)}}, r"bounds of length\[2a\] are \(2\.0, 1\.0\)"),
         ({"fix": {NAME: float("nan")}}, r"length\[2a\] is held at nan"),
         ({"fix": {NAME: 2045.9}}, r"length\[2a\] is held at 2045.9 m, .* times less; .* mm"),

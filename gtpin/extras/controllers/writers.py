@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gtpin.compensation.correctable import correctable
 from gtpin.errors import GtpinError
-from gtpin.export.loss import left_out
+from gtpin.export.loss import left_out, not_explained
 from gtpin.export.writer import Export, TablesFor, Writer
 from gtpin.extras.controllers.corrections import MOST, TRIPLETS, correction_table, corrections, linuxcnc_file
 from gtpin.extras.controllers.machine_error import left_of_drives
@@ -69,14 +69,7 @@ def _arm_table(model: Model) -> str:
 
 def _doubt(model: Model) -> tuple[str, ...]:
     """A message where the sigmas of a table are too small if what the model leaves of the data is no noise."""
-    unexplained = model.unexplained
-    if unexplained is None or unexplained.none:
-        return ()
-    left, unit = (unexplained.position, "um") if unexplained.position else (unexplained.orientation, "urad")
-    kind = "beyond noise, so" if unexplained.noise_known else "an axis: if these are no noise,"
-    return (
-        f"is of a model that leaves {1e6 * left:.3g} {unit} {kind} corrections may be off by more than their sigmas",
-    )
+    return tuple(f"{words}: corrections may be off by more than their sigmas" for words in not_explained(model))
 
 
 CSV = Writer(_csv, ".csv")

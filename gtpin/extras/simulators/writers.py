@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gtpin.export.export import calibrated_chain
-from gtpin.export.loss import assumed_base, left_out, with_remainders
+from gtpin.export.loss import left_out, notes_of_robots, with_remainders
 from gtpin.export.writer import Export, TablesFor, Writer
 from gtpin.extras.simulators.carts import with_cart_springs, with_guideways
 from gtpin.extras.simulators.drives import with_drives
@@ -17,13 +17,13 @@ from gtpin.model.model import Model
 
 
 def _sdf(model: Model, file: Path, session: str | None, tables: TablesFor) -> Export:
-    robot, stands, model = calibrated_chain(model), assumed_base(model), model.of_tool()
+    robot, stands, model = calibrated_chain(model), notes_of_robots(model), model.of_tool()
     machine, shown = with_link_springs(mechanism(robot), model, robot)
     return Export({file.name: to_sdf(machine)}, left_out(model, shown), stands, inexact=with_remainders(model, shown))
 
 
 def _mjcf(model: Model, file: Path, session: str | None, tables: TablesFor) -> Export:
-    robot, stands, model = calibrated_chain(model), assumed_base(model), model.of_tool()
+    robot, stands, model = calibrated_chain(model), notes_of_robots(model), model.of_tool()
     plain = mechanism(robot)
     machine, shown = with_guideways(plain, model, robot)
     for parts in (with_cart_springs, with_link_springs):

@@ -11,7 +11,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.data.names import lookalikes
 from gtpin.diagnosis.result import Diagnosis
-from gtpin.report.calibration_text import cannot_judge, noise_words, scatters
+from gtpin.report.calibration_text import cannot_judge, noise_words, repeatability_words, scatters
 from gtpin.report.diagnosis_json import gap_method
 from gtpin.report.page import Block, Fold, Heading, Section, Table
 from gtpin.report.residuals import columns_of
@@ -75,7 +75,7 @@ def _what_was_measured(dataset: Dataset) -> str:
 def _noise(c: Calibration) -> str:
     facts, how = noise_words(c), "the residuals" if c.noise.source == "residuals" else "repeated visits"
     if c.noise.repeatability > 0.0:
-        facts.append(f"repeatability of each actuator, from {how}: {length(c.noise.repeatability)}")
+        facts.append(f"repeatability of each actuator, from {how}: {repeatability_words(c)}")
     if np.isfinite(c.freedom):
         facts.append(f"its tails are heavier than Gaussian ({c.freedom:.0f} degrees of freedom)")
     return f"Noise of the instruments, 1 sigma of a number: {'; '.join(facts)}."

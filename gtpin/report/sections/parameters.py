@@ -42,7 +42,7 @@ def parameters(r: FitPresentation) -> Section:
 
 
 def parameter_table(calibration: Calibration, model: Model | None = None) -> Table:
-    """All parameters of the fit.
+    """All parameters, those that were held at the end.
 
     ``model``: geometry that was fitted together with causes; it is shown in addition to the geometry alone.
     """
@@ -58,6 +58,9 @@ def parameter_table(calibration: Calibration, model: Model | None = None) -> Tab
         row += [whole(f"{moved / p.tolerance:+.1f}"), percent(float(np.clip(reduction, 0.0, 1.0)))]
         row += [quantity(model.geometry[p.name] - p.nominal, p.unit)] if model is not None else []
         rows.append(row)
+    for p, value in c.model.geometry.held:
+        row = [p.name, whole(f"{p.nominal:.6f} {p.unit}"), whole(f"{quantity(value - p.nominal, p.unit)} (held)")]
+        rows.append([*row, whole(f"{(value - p.nominal) / p.tolerance:+.1f}"), ""] + [row[2]] * (model is not None))
     return Table(head, rows, range(1, len(head)))
 
 
