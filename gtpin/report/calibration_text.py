@@ -67,7 +67,7 @@ def exact_scales(c: Calibration) -> list[str]:
     if not geometry.robot.rods or any(p.drive is not None for p, _ in geometry.all_deviations):
         return []
     return [
-        "The scales of the drives are taken as exact: 50 parts in a million can move other parameters by several sigmas. With "
+        "The scales of the drives are taken as exact: other parameters take up their errors, by more than their sigmas. With "
         'scale="actuator" they are identified too.'
     ]
 
