@@ -11,6 +11,7 @@ import pytest
 from serial_arm import measured_arm
 
 import gtpin
+from gtpin.calibration.checks.commands import CommandReading
 from gtpin.calibration.checks.recognise import Interpretation, recognised
 from gtpin.calibration.problem import measured_poses
 from gtpin.errors import DatasetError
@@ -30,6 +31,12 @@ def shift(found: Interpretation | None, column: int) -> float:
     told = re.search(rf"q{column} looks shifted by [^ ]+ \(the drive's zero, ([^ ]+) degrees\)", found.looks)
     assert told is not None, found.looks
     return float(told[1])
+
+
+def test_what_to_add_is_a_whole_quarter_of_a_turn_where_the_zero_is_within_its_tolerance_of_it() -> None:
+    reading = CommandReading("q", (), (), np.eye(3), zeros=(0, 1, 2))
+    hint = reading.words(np.array([-1.5645, 0.35, -1.5645]), np.array([True, True, False]))[1]
+    assert hint == "add -1.5708 to q1 (-90 degrees), then add 0.35 to q2, then add -1.5645 to q3"
 
 
 @EVERYWHERE

@@ -24,7 +24,11 @@ from gtpin.data.names import command_names
 from gtpin.instruments.frame_and_target import nearest
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.rotations import log
+from gtpin.robot.parameters import TOLERANCE
 from gtpin.typing import Floats, Mask
+
+QUARTER = np.pi / 2.0
+"""Angle, rad, by whole numbers of which conventions of a joint's zero differ."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,11 @@ class CommandReading:
         for j in self.zeros:
             degrees = f", {np.degrees(z[j]):+.4g} degrees" if revolute[j] else ""
             looks.append(f"q{j + 1} looks shifted by {z[j]:+.3g} (the drive's zero{degrees})")
-            hints.append(f"add {z[j]:.6g} to q{j + 1}")
+            quarters = np.round(z[j] / QUARTER) if revolute[j] else 0.0
+            # A convention differs by whole quarters of a turn: what is beyond is the zero, which a calibration finds.
+            whole = quarters != 0.0 and abs(z[j] - quarters * QUARTER) < TOLERANCE["zero"]
+            off = quarters * QUARTER if whole else z[j]
+            hints.append(f"add {off:.6g} to q{j + 1}" + (f" ({90.0 * quarters:+.0f} degrees)" if whole else ""))
         return ", and ".join(looks), ", then ".join(hints)
 
 
