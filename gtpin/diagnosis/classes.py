@@ -315,7 +315,8 @@ def with_equal_actuators(hypotheses: HypothesisSet, model: Posterior[Term], clas
     """The classes in which an effect that all actuators have alike may be in the place of a cause of the frame.
 
     Drives that all lag by one time look like readings that are late by it, and drives of one wrong scale like an instrument of
-    this scale. Both have one parameter, so that their prior odds are equal. The probability is divided equally between the actuators. Study: tests/diagnosis/test_late_readings.py.
+    this scale. Both have one parameter, so that their prior odds are equal. The probability is divided equally between the
+    actuators. Studies: tests/diagnosis/test_late_readings.py, tests/diagnosis/test_diagnosis_verdict.py.
     """
     found, groups = dict(classes), hypotheses.groups
     for cause in classes:

@@ -674,8 +674,8 @@ def chance_lines(hypotheses: HypothesisSet, model: Posterior[Term]) -> tuple[Hyp
 
     A search compares a line with noise. Where an unknown error of a drive is larger than noise and has no period, many periods
     gain evidence, because each fits a part of it by chance. Here a line is compared with all that is left without it. Needed by
-    a joint with random errors: tests/diagnosis/test_periodic_lines.py. Several lines, which can follow any errors at the commands
-    that chose them, also have to hold at others.
+    a joint with random errors: tests/diagnosis/test_periodic_lines.py. Several lines, which follow any errors at the
+    commands that chose them, also have to hold at others.
     """
     lines = [c for c in causes(model) if c.effect.of_own_command and c.effect.most_values > 1 and c.values]
     if not lines:
