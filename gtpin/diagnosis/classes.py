@@ -77,8 +77,7 @@ def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis,
 
     # Costs differ because a hypothesis at the site of a stronger cause may be that cause's departure from its equation. This
     # may be wrong: the difference is limited to `imitation`, so that what explains as much as the cause stays in the class.
-    # What a weaker cause may be the departure of counts against that cause alone.
-    costs = {h: hypotheses.costs((*rest.terms, h))[h] for h in gains}
+    costs = {h: sum(hypotheses.costs((*rest.terms, h)).values()) for h in gains}
     log_odds = {
         h: gain.value / temperature
         - float(np.clip((costs[h] - costs[mine]) / temperature, -priors.imitation, priors.imitation))

@@ -51,14 +51,6 @@ def test_no_two_others_are_in_the_place_of_one_elastic_joint():
     assert all(member.beside is None for cause in found.causes for member in cause.members)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_a_wrong_scale_of_a_joint_is_no_evidence_against_the_give_of_its_drive(seed):
-    """The column before it, twisted about the same axis, explains as much; it has no scale."""
-    found = diagnosed(seed, of_joint("shoulder", lambda c: 8e-6 * c.moment[:, 1] + 3e-4 * c.q[:, 1]))
-    odds = {m.effect: m.probability for c in found.causes if c.effect != "encoder_scale" for m in c.members}
-    assert odds["joint_compliance"] > 0.25 * odds.get("link_compliance", 0.0)
-
-
 @cache
 def drifting(where: str) -> Diagnosis:
     along = warming((0.0, 0.0, 1.0))
