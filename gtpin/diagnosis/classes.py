@@ -313,11 +313,12 @@ def with_all_actuators(hypotheses: HypothesisSet, model: Posterior[Term], classe
 def with_equal_actuators(hypotheses: HypothesisSet, model: Posterior[Term], classes: Classes) -> Classes:
     """The classes in which an effect that all actuators have alike may be in the place of a cause of the frame.
 
-    Drives that all lag by one time look like readings that are late by it. Both have one parameter, so that their prior odds
-    are equal. The probability is divided equally between the actuators. Study: tests/diagnosis/test_late_readings.py.
+    Drives that all lag by one time look like readings that are late by it, and drives of one wrong scale like an instrument of
+    this scale. Both have one parameter, so that their prior odds are equal. The probability is divided equally between the
+    actuators. Studies: tests/diagnosis/test_late_readings.py, tests/diagnosis/test_diagnosis_verdict.py.
     """
     found, groups = dict(classes), hypotheses.groups
-    for cause, members in classes.items():
+    for cause in classes:
         for effect in {h.effect: None for h in hypotheses.linear if h.effect.alike and cause.site == "frame"}:
             every = [h for h in hypotheses.linear if h.effect is effect]
             equal = SmoothTerm("frame", (effect.id,), "equal at all actuators")
@@ -327,7 +328,7 @@ def with_equal_actuators(hypotheses: HypothesisSet, model: Posterior[Term], clas
             own = model.log_evidence - rest.log_evidence
             ahead = (hypotheses.gains(rest, [equal])[equal].value - own) / hypotheses.priors.temperature_of(own)
             if len(every) > 1:
-                found[cause] = _or_together(members, cause, every, exp(min(ahead, 0.0)))
+                found[cause] = _or_together(found[cause], cause, every, exp(min(ahead, 0.0)))
     return found
 
 

@@ -139,8 +139,8 @@ class Priors:
     """Probability above which the lines of a periodic error are attributed to scatter: that the best period of scatter alone
     takes a share of its power as large as the most significant line. Assumed: the usual probability of a false alarm."""
     lines_hold: float = 0.5
-    """Smallest ratio of the share of a drive's errors that the lines of a rough drive explain at commands that did not choose
-    their periods to that at all commands. Between scatter, 0 or less, and a function of the command, 1: half. Study:
+    """Smallest ratio of the share of a drive's errors that several lines explain at commands that did not choose their periods
+    to that at all commands. Between scatter, 0 or less, and a function of the command, 1: half. Study:
     tests/diagnosis/test_periodic_lines.py."""
     absurd: float = 15.0
     """Residual, in standard deviations of most poses (robust scale), beyond which a pose is an outlier even with heavy-tailed

@@ -674,8 +674,8 @@ def chance_lines(hypotheses: HypothesisSet, model: Posterior[Term]) -> tuple[Hyp
 
     A search compares a line with noise. Where an unknown error of a drive is larger than noise and has no period, many periods
     gain evidence, because each fits a part of it by chance. Here a line is compared with all that is left without it. Needed by
-    a joint with random errors: tests/diagnosis/test_periodic_lines.py. Of a rough drive, whose many lines are one description,
-    they also have to hold at commands that did not choose them.
+    a joint with random errors: tests/diagnosis/test_periodic_lines.py. Several lines, which follow any errors at the
+    commands that chose them, also have to hold at others.
     """
     lines = [c for c in causes(model) if c.effect.of_own_command and c.effect.most_values > 1 and c.values]
     if not lines:
@@ -686,7 +686,6 @@ def chance_lines(hypotheses: HypothesisSet, model: Posterior[Term]) -> tuple[Hyp
         each = np.split(hypotheses.groups.columns(cause), len(cause.values), axis=1)
         periods = np.array(cause.effect.nonlinear_values(design.operating_points, cause.site))
         fitted = FittedLines.of(design, others, each, cause.site, len(periods))
-        rough = cause.effect.nature_of(cause.lines) == "profile"
-        if fitted.chance() > most or (rough and fitted.held(periods) < hypotheses.priors.lines_hold):
+        if fitted.chance() > most or (cause.further and fitted.held(periods) < hypotheses.priors.lines_hold):
             found.append(cause)
     return tuple(found)

@@ -42,6 +42,7 @@ class EncoderScale(Effect):
     coefficient = ("scale", "m/m")
     of_travel = True
     exported_as = "drive_scale"
+    alike = True  # tracks of one make and one temperature; or a machine whose unit of length is off
     core = (0,)
     plausible: ClassVar[Mapping[str, ParameterRange]] = {
         "scale": ParameterRange(-0.01, 0.01, "no drive's scale is off by a hundredth: its unit or gear ratio is wrong")

@@ -117,6 +117,13 @@ def test_what_stretches_the_whole_machine_is_not_three_drives_fault_once_its_nam
     assert sum(c.effect == "encoder_scale" for c in found.causes) < 3
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_drives_that_are_all_off_by_one_factor_are_in_one_class_with_the_scale_of_the_instrument(seed):
+    data = machine(seed).dataset
+    found = quietly(gtpin.diagnose, replace(data, q=data.q / (1.0 + 1e-4)))
+    assert classes(found) == {("tracker_scale", "frame"), *(("encoder_scale", f"cart{k}") for k in (1, 2, 3))}
+
+
 @pytest.mark.parametrize(("seed", "effect"), FAULTS)
 def test_a_cause_stands_in_its_class_and_its_parameters_have_sigmas_and_units(seed, effect):
     for cause in said(seed, effect).causes:
