@@ -364,7 +364,7 @@ def search(
     last an effect at all actuators is tried, where this explains more than each term alone: actuators of one build have the
     same weakness, and the first step from one of them can lead to a term that imitates all.
     """
-    largest = MOST_TERMS + hypotheses.design.operating_points.robot.n_actuators if hypotheses.long else MOST_TERMS
+    largest = _most_terms(hypotheses)
     alone, terms = hypotheses.gains(NOTHING, terms), _with_room(hypotheses, NOTHING, terms)
     order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))
     passed: dict[frozenset[tuple[Term, tuple[float, ...], float]], Posterior[Term]] = {}
@@ -391,6 +391,29 @@ def search(
             hypotheses.searches[every] = larger
         best = max(best, hypotheses.searches[every], key=hypotheses.log_posterior)
     return best
+
+
+def with_residuals(hypotheses: HypothesisSet, model: Posterior[Term]) -> Posterior[Term]:
+    """A model with smooth terms, or a better one in which mechanisms come before further smooth terms.
+
+    A smooth term is what mechanisms leave. A second one takes what a mechanism explains beside another first one, and by
+    exchanges of one term the search does not return. So each of the ``BEAM`` smooth terms that gain most beside the causes is
+    the only one in turn: mechanisms are added first, then any terms. Study: examples/planted (Stewart platform).
+    """
+    if not smooth_of(model):
+        return model
+    largest, known = _most_terms(hypotheses), hypotheses.only(model, causes(model))
+    mechanisms = [h for h in hypotheses.linear if h.effect.nature == "mechanism"]
+    gains = hypotheses.gains(known, hypotheses.smooth)
+    for term in sorted(gains, key=lambda term: -gains[term].value)[:BEAM]:
+        beside = _extend(hypotheses, hypotheses.extended(known, term), mechanisms, largest, {})
+        beside = _extend(hypotheses, beside, hypotheses.every, largest, {})
+        model = max(model, beside, key=hypotheses.log_posterior)
+    return model
+
+
+def _most_terms(hypotheses: HypothesisSet) -> int:
+    return MOST_TERMS + hypotheses.design.operating_points.robot.n_actuators if hypotheses.long else MOST_TERMS
 
 
 def _at_all_actuators(

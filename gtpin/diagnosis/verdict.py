@@ -12,6 +12,7 @@ from gtpin.diagnosis.classes import (
     ClassMember,
     class_of,
     ranked,
+    unnamed,
     with_all_actuators,
     with_equal_actuators,
     with_shared_loads,
@@ -22,7 +23,7 @@ from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term, alik
 from gtpin.diagnosis.noise import SearchState, drive_beyond_noise, reestimate_noise
 from gtpin.diagnosis.priors import LIKELY, SURE
 from gtpin.diagnosis.result import Considered, Doubt, FlexibleFamily, Member, Undecided, Verdict
-from gtpin.diagnosis.search import HypothesisSet, causes, chance_lines, scales, search, smooth_of
+from gtpin.diagnosis.search import HypothesisSet, causes, chance_lines, scales, search, smooth_of, with_residuals
 from gtpin.effects.effect import Nature
 
 
@@ -89,8 +90,9 @@ class Conclusion:
         """The conclusion with only the causes that stand beside something unknown, and with what is weak and undecided.
 
         A cause A that is not sure may be a part of the unknown. A cause B that gains less than A, and that looks like a member
-        of A's class, may be no more than what that member leaves of the unknown: it is not named either. Of causes that are
-        not named, the leader of a class is likely where it has 0.5 or more.
+        of A's class, may be no more than what that member leaves of the unknown: it is named only where it gains more than
+        twice its cost beside every other member in A's place, and beside the best smooth term there. Of causes that are not
+        named, the leader of a class is likely where it has 0.5 or more.
         """
         robot, model, groups = hypotheses.design.operating_points.robot, self.whole(hypotheses), hypotheses.groups
         loss = {cause: model.log_evidence - without(groups, model, cause).log_evidence for cause in self.classes}
@@ -98,8 +100,15 @@ class Conclusion:
         open_ = [cause for cause in self.classes if cause not in sure]
 
         def within(cause: Hypothesis, other: Hypothesis) -> bool:
-            members = (m.hypothesis for m in self.classes[other])
-            return loss[cause] < loss[other] and any(alike(robot, cause, member) for member in members)
+            members = [m.hypothesis for m in self.classes[other]]
+            if loss[cause] >= loss[other] or not any(alike(robot, cause, member) for member in members):
+                return False
+            rest = without(groups, model, other, sweeps=1)
+            smooth = hypotheses.gains(rest, unnamed(hypotheses, other))
+            instead: list[Term] = [m.hypothesis for m in self.classes[other] if m.recorded]
+            instead += sorted(smooth, key=lambda term: -smooth[term].value)[:1]
+            trials = (hypotheses.extended(rest, term) for term in instead if term not in model.terms)
+            return not all(_pays(hypotheses, trial, cause) for trial in trials)
 
         kept = [c for c in self.classes if c in beside and not any(within(c, other) for other in open_)]
         leaders = [members[0] for cause, members in self.classes.items() if cause not in kept]
@@ -193,7 +202,7 @@ def decide(hypotheses: HypothesisSet, guess: Posterior[Term] = NOTHING) -> Concl
     """
     start = guess if hypotheses.long else NOTHING
     named = search(hypotheses, hypotheses.named, start=hypotheses.only(start, causes(start)))
-    mixed = search(hypotheses, hypotheses.every, start=start)
+    mixed = with_residuals(hypotheses, search(hypotheses, hypotheses.every, start=start))
     needed = smooth_of(mixed)
     if needed and _unknown(hypotheses, mixed, named) > 0.5:
         named = hypotheses.only(mixed, (*_apart(hypotheses, mixed), *needed))
@@ -292,13 +301,19 @@ def _apart(hypotheses: HypothesisSet, model: Posterior[Term]) -> tuple[Hypothesi
 
     What a smooth term leaves of an unknown motion is smaller than what it explains, and a cause may be no more than that.
     """
-    costs, sure = hypotheses.costs(model.terms), []
+    sure = []
     loss = {t: model.log_evidence - without(hypotheses.groups, model, t).log_evidence for t in model.terms}
     for cause in causes(model):
         like = [loss[term] for term in smooth_of(model) if _alike(hypotheses, cause, (term,))]
-        if loss[cause] > max(2.0 * costs[cause], *like, 0.0):
+        if _pays(hypotheses, model, cause) and loss[cause] > max(like, default=0.0):
             sure.append(cause)
     return tuple(sure)
+
+
+def _pays(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis) -> bool:
+    """Whether a cause of a model gains more than twice its cost."""
+    loss = model.log_evidence - without(hypotheses.groups, model, cause).log_evidence
+    return loss > 2.0 * hypotheses.costs(model.terms)[cause]
 
 
 def _alike(hypotheses: HypothesisSet, cause: Hypothesis, smooth: Sequence[SmoothTerm]) -> bool:
