@@ -127,8 +127,8 @@ class LoopClosure:
     passive velocities more, which follow from the solved ones.
 
     ``signs``: (L, J + 1) the S of each joint's frame for each loop. ``moves_tcp``: (J + 1,) whether a joint moves the TCP.
-    ``kept``: the velocities but the private ones. ``loop_of``: (E,) the loop of each equation. ``square``: whether E = e, and
-    the loops determine all motions.
+    ``kept``: the velocities but the private ones. ``solved_q``: coordinates of the joints with solved velocities.
+    ``loop_of``: (E,) the loop of each equation. ``square``: whether E = e, and the loops determine all motions.
     """
 
     def __init__(self, robot: Chain) -> None:
@@ -151,6 +151,8 @@ class LoopClosure:
         self.reduced = len(self.private) > 0
         self.solved = np.setdiff1d(robot.passive, self.private)
         self.kept = np.setdiff1d(np.arange(model.nv), self.private)
+        own = [int(joint) for joint in np.unique(self.joint_of[self.solved])]
+        self.solved_q = np.concatenate([np.zeros(0, int), *(model.idx_qs[j] + np.arange(model.nqs[j]) for j in own)])
         self.rank = robot.rank - self.private.size
         local = np.zeros((0, 3))
         if not self.reduced and self.count:

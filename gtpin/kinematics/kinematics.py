@@ -32,7 +32,8 @@ KEPT, LONGEST_KEPT = 8, 20_000
 DOUBTFUL = 100.0
 """Ratio of a posture's amplification to that of home, above which it is closed again along a path from home. Assumed."""
 TRUSTED = 0.3
-"""A guess that was farther off, m, rad or a part of a quaternion, does not tell the assembly mode. Assumed."""
+"""A guess that was farther off, m, rad or a part of a quaternion, does not tell the assembly mode. Assumed. Joints of one loop
+alone do not count: the others determine them."""
 SAME, USABLE = 1e-6, 0.3
 """A guess is of use if all postures found from it at its nodes differ by less from those along paths from home, m and rad, and
 if these are at least such a part of the nodes. Assumed."""
@@ -296,7 +297,7 @@ class Kinematics:
         X, s = guess(travel)
         begin = self.robot.with_commands(X, np.where(s[:, None] == 1.0, travel, home + s[:, None] * (travel - home)))
         closing = loops.newton(loops.at(begin, placed), placed, contraction=1.0)
-        off = np.abs(closing.here.X - begin).max(axis=1)
+        off = np.abs(closing.here.X - begin)[:, loops.solved_q].max(axis=1)
         right = closing.closed & (off <= TRUSTED) & (self._regularity(closing.D) >= DOUBTFUL**-2)
         return closing.here, np.where(right, s, 0.0)
 
