@@ -3,6 +3,7 @@
 Groups:
 
 - ``gtpin.commands``: :class:`~gtpin.commands.entry.CommandEntry`, a command of the command line;
+- ``gtpin.readers``: what makes a URDF of another kind of robot file, from its outer element, its path and a keyframe's name;
 - ``gtpin.writers``: :class:`~gtpin.export.writer.Writer`, a file format of ``gtpin export``;
 - ``gtpin.presentations``: the ``Presentation`` of a result, under the name of the result's class;
 - ``gtpin.options``: what an option of a command calls, under the option's name: ``history`` (``gtpin diagnose``) and

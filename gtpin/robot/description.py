@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from gtpin.data.files import read_text, refuse_control
 from gtpin.errors import RobotError, warn
+from gtpin.extensions import extension
 from gtpin.robot.closures import SUFFIX, closes, urdf_with_loops
-from gtpin.robot.mjcf import mjcf_to_urdf
-from gtpin.robot.mjcf_values import with_includes
 from gtpin.robot.tree import TOOL, Tree
 from gtpin.robot.urdf_elements import numbers_of
 
@@ -109,7 +108,7 @@ class RobotDescription:
     """A URDF's text, and what its ``<loop_joint>`` and ``<gtpin>`` elements say.
 
     - ``kind``: what was read: ``urdf`` or ``mjcf``.
-    - ``xml``: the URDF as it was read, or that of an MJCF: see :mod:`~gtpin.robot.mjcf`.
+    - ``xml``: the URDF as it was read, or what the reader of MJCF makes of one: see :mod:`~gtpin.extensions`.
     - ``source``: where it came from, for messages.
     - ``home``: the home that ``<home>`` names by the pose of its TCP.
     - ``posture``: the home that ``<home>`` names by coordinates of joints, m or rad, in ``<joint name value>`` elements; of a
@@ -175,8 +174,7 @@ class RobotDescription:
         """Read a URDF, or an MJCF, from its text; see :meth:`read`. ``kind``: format of the file that the text came from."""
         root, xml = parse_xml(xml, source), xml.lstrip()
         if root.tag == "mujoco":
-            with_includes(root, Path(source), parse_xml)
-            return RobotDescription.parse(mjcf_to_urdf(root, source, keyframe), source, "mjcf")
+            return RobotDescription.parse(extension("gtpin.readers", "mjcf")(root, source, keyframe), source, "mjcf")
         if root.tag != "robot":
             hint = CONVERT.get(f".{root.tag}", "a URDF's is <robot>, an MJCF's <mujoco>")
             raise RobotError(f"the outer element is <{root.tag}>", file=source, hint=hint)

@@ -1,1 +1,1 @@
-"""Models for physics engines: MJCF and SDF with drives, play, springs and guideways."""
+"""Models for physics engines: MJCF and SDF with drives, play, springs and guideways; and robots from MJCF."""

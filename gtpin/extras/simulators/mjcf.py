@@ -24,8 +24,8 @@ from gtpin.extras.simulators.mechanism import (
     Spring,
     shaft,
 )
+from gtpin.extras.simulators.read_mjcf import ADDED_MARK, PLANE_MARK, TCP_MARK
 from gtpin.kinematics.rotations import to_quaternions
-from gtpin.robot.mjcf import ADDED_MARK, PLANE_MARK, TCP_MARK
 
 TIMESTEP = 5e-4
 """Time step, s."""

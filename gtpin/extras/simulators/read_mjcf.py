@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -15,7 +16,17 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError, listed, warn
-from gtpin.robot.mjcf_values import JOINTS, MAIN, SHOWN, Masses, Part, Values, parts_of_bodies, without_objects
+from gtpin.extras.simulators.mjcf_values import (
+    JOINTS,
+    MAIN,
+    SHOWN,
+    Masses,
+    Part,
+    Values,
+    parts_of_bodies,
+    with_includes,
+    without_objects,
+)
 from gtpin.robot.tree import TOOL, Tree
 from gtpin.robot.urdf_elements import add_inertia, add_joint, exact_text, set_origin
 from gtpin.typing import Floats
@@ -37,8 +48,10 @@ PLANE_MARK = "gtpin_plane_"
 """Start of the name of a ``<custom><numeric>`` with the normal of a loop's plane, before the loop's name; see `TCP_MARK`."""
 
 
-def mjcf_to_urdf(root: Element, source: str, key: str = "") -> str:
-    """URDF of an MJCF's outer element, with its loops and gravity; where it has loops, also with its actuators and home.
+def mjcf_to_urdf(root: Element, source: str, key: str) -> str:
+    """URDF of an MJCF's outer element and of what it includes, with its loops and gravity.
+
+    Where it has loops, also with its actuators and home.
 
     Home are the joints' coordinates of the ``<key>`` of this name, of the first ``<key>`` without a name; where the file has
     none, those of MuJoCo's initial posture.
@@ -49,6 +62,7 @@ def mjcf_to_urdf(root: Element, source: str, key: str = "") -> str:
     Raises `RobotError` if the file holds an element that gtpin can't convert; the message names it. Warns: if the file
     holds something that changes loads and that gtpin does not read, with the names of the bodies.
     """
+    with_includes(root, Path(source))
     for tag in REFUSED:
         if root.find(f"worldbody//{tag}") is not None:
             raise RobotError(f"<{tag}> is not read", file=source, hint="write the bodies out")

@@ -18,6 +18,7 @@ import pinocchio as pin
 
 from gtpin.data.files import read_text
 from gtpin.errors import RobotError, listed, warn
+from gtpin.robot.description import parse_xml
 from gtpin.robot.urdf_elements import numbers_of
 from gtpin.typing import Floats
 
@@ -189,17 +190,17 @@ def _turned_to(direction: Floats) -> Floats:
     return np.asarray(pin.exp3(math.atan2(sine, direction[2]) * axis))
 
 
-def with_includes(root: Element, file: Path, parse: Any) -> None:
+def with_includes(root: Element, file: Path) -> None:
     """Replace each ``<include file>`` by the content of that file, as MuJoCo does.
 
     Paths start at the folder of the main file; where there is no such file, at that of the file with the ``<include>``.
 
     Raises `RobotError` if an included file can't be read, or is included twice.
     """
-    _include(root, file.parent, file.parent, parse, {file.absolute()})
+    _include(root, file.parent, file.parent, {file.absolute()})
 
 
-def _include(root: Element, main: Path, own: Path, parse: Any, read: set[Path]) -> None:
+def _include(root: Element, main: Path, own: Path, read: set[Path]) -> None:
     for parent in list(root.iter()):
         if all(child.tag != "include" for child in parent):
             continue
@@ -213,8 +214,8 @@ def _include(root: Element, main: Path, own: Path, parse: Any, read: set[Path]) 
             if file.absolute() in read:
                 raise RobotError("this file is included twice", file=file, hint="include each file once")
             read.add(file.absolute())
-            inside = parse(read_text(file, RobotError, hint="mend <include>"), str(file))
-            _include(inside, main, file.parent, parse, read)
+            inside = parse_xml(read_text(file, RobotError, hint="mend <include>"), str(file))
+            _include(inside, main, file.parent, read)
             kept += inside
         parent[:] = kept
 
