@@ -91,15 +91,6 @@ class Copies:
             found[rows] = pin.integrate(self.model, self._X.reshape(-1), self._V.reshape(-1)).reshape(self.K, -1)[:k]
         return found
 
-    def difference(self, start: Floats, X: Floats) -> Floats:
-        """(N, nv) velocities that lead from one configuration ``start`` (nq,) to configurations X (N, nq)."""
-        found = np.empty((len(X), self.nv))
-        begin = np.tile(start, self.K)
-        for rows, k in self._calls(len(X)):
-            self._X[:k] = X[rows]
-            found[rows] = pin.difference(self.model, begin, self._X.reshape(-1)).reshape(self.K, -1)[:k]
-        return found
-
     def inverse_dynamics(
         self, X: Floats, V: Floats | None, A: Floats | None, placements: Floats
     ) -> tuple[Floats, Floats]:

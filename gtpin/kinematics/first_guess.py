@@ -7,6 +7,7 @@ from itertools import product
 from math import comb
 
 import numpy as np
+import pinocchio as pin
 
 from gtpin.kinematics.copies import copies
 from gtpin.robot.chain import Chain
@@ -61,7 +62,8 @@ class FirstGuess:
         terms = _terms((q[reached] - robot.home_q) / reach, exponents).T
         of_regularity = np.asarray(np.linalg.lstsq(terms, regularity, rcond=None)[0])
         margin = MARGIN * float(np.sqrt(np.mean((terms @ of_regularity - regularity) ** 2)))
-        targets, weights = copies(robot).difference(home, X[reached]), np.clip(regularity, 0.0, 1.0)[:, None]
+        targets = np.array([pin.difference(robot.model, home, x) for x in X[reached]])
+        weights = np.clip(regularity, 0.0, 1.0)[:, None]
         coefficients = np.asarray(np.linalg.lstsq(weights * terms, weights * targets, rcond=None)[0])
         return FirstGuess(robot, reach, exponents, coefficients, of_regularity, margin, home)
 
