@@ -416,8 +416,8 @@ def with_residuals(hypotheses: HypothesisSet, model: Posterior[Term]) -> Posteri
     mechanisms = [h for h in hypotheses.linear if h.effect.nature == "mechanism"]
     gains = hypotheses.gains(known, hypotheses.smooth)
     for term in sorted(gains, key=lambda term: -gains[term].value)[:BEAM]:
-        beside = _extend(hypotheses, hypotheses.extended(known, term), mechanisms, largest, {})
-        beside = _extend(hypotheses, beside, hypotheses.every, largest, {})
+        beside = _extend(hypotheses, hypotheses.extended(known, term), mechanisms, largest, {}, True)
+        beside = _extend(hypotheses, beside, hypotheses.every, largest, {}, True)
         model = max(model, beside, key=hypotheses.log_posterior)
     return model
 
