@@ -148,7 +148,8 @@ class ThermalTrack(Effect):
         columns = [warm * q, warm, warm * q * at.travel[:, j]]
         sizes = [1.0, 0.7, MODULATION.uneven]
         if at.has("time"):
-            columns += [warm * q * at.time, warm * at.time]
+            late = np.clip(at.time, -1.0, 1.0)  # beyond the fit nothing is known of it
+            columns += [warm * q * late, warm * late]
             sizes += [MODULATION.late, MODULATION.late_zero]
         return along_track(at, site, np.stack(columns, axis=1), unit(sizes, 1e-5))
 

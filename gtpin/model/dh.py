@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from gtpin.errors import ConvergenceError
 from gtpin.model.dh_chain import LOCAL, DhChain
 from gtpin.model.model import Model
 from gtpin.model.place import free_motions
@@ -50,17 +51,20 @@ class DhParameter:
     motion: Floats = field(repr=False, compare=False)
 
 
-def controller_table(model: Model) -> tuple[DhParameter, ...]:
+def controller_table(model: Model, *, exact: bool = False) -> tuple[DhParameter, ...]:
     """The table of a serial arm, by the standard convention, with the corrections that agree best with a calibration.
 
     Empty where the robot is not a serial arm, or the geometry lacks the six parameters of a joint or of the TCP. Without the
     tool where the place of the measured target was unknown: the data then say nothing of the tool.
+
+    ``exact``: whether to raise `ConvergenceError` where no table with the poses of the geometry is found; else the corrections
+    are then right to first order.
     """
     left = ("base", "tool") if model.free_target else ("base",)
-    return tuple(p for p in table_with_base(model) if p.site not in left)
+    return tuple(p for p in table_with_base(model, exact=exact) if p.site not in left)
 
 
-def table_with_base(model: Model) -> tuple[DhParameter, ...]:
+def table_with_base(model: Model, *, exact: bool = False) -> tuple[DhParameter, ...]:
     """The rows of :func:`controller_table` after those of the first axis: shifts ``a``, ``b`` across it, m, and tilts ``ra``,
     ``rb``, rad, of the site ``base``, about the directions of :func:`~gtpin.robot.parameters.rotation_axes`.
 
@@ -88,9 +92,12 @@ def table_with_base(model: Model) -> tuple[DhParameter, ...]:
     before = np.sqrt(np.diag(np.linalg.inv(V.T @ np.linalg.solve(prior, V))))
     start, stands = spread @ (half.T @ geometry.deviation), free_motions(model)
     known = np.array([not (model.free_target and row[0] == "tool") for row in rows])
-    found = table.equal_to(
-        Model(geometry.at_tool()), np.where(known, start, 0.0), spread * np.outer(known, known), stands
-    )
+    found = np.where(known, start, 0.0)
+    try:
+        found = table.equal_to(Model(geometry.at_tool()), found, spread * np.outer(known, known), stands)
+    except ConvergenceError:
+        if exact:
+            raise
     columns = zip(rows, found, sigma, sigma <= DETERMINED * before, V.T, strict=True)
     return tuple(DhParameter(*row, float(c), float(s), bool(known), way) for row, c, s, known, way in columns)
 

@@ -67,8 +67,8 @@ def exact_scales(c: Calibration) -> list[str]:
     if not geometry.robot.rods or any(p.drive is not None for p, _ in geometry.all_deviations):
         return []
     return [
-        "The scales of the drives are taken as exact: other parameters take up their errors, by more than their sigmas. With "
-        'scale="actuator" they are identified too.'
+        "The scales of the drives are taken as exact: other parameters take up their errors, by more than their sigmas. In "
+        'Python calibrate(dataset, scale="actuator") identifies them too.'
     ]
 
 
@@ -82,10 +82,13 @@ IN_DOUBT = "The geometry is in doubt: the target does not look to be where it is
 
 
 def best_frame(c: Calibration) -> str:
-    """That the error of the nominal geometry is after a fit of the instrument's frame, where that is free; or nothing."""
+    """That the error of the nominal geometry is after a fit of the instrument's frame, where that is free, or of other unknowns
+    of the instruments; or nothing."""
     trackers = [one.table for one in c.model.instruments if isinstance(one.table, TrackerTable)]
     free = not c.model.frame.is_base or any(table.frame == "free" for table in trackers)
-    return " after the best fit of the frame" if free else ""
+    if free:
+        return " after the best fit of the frame"
+    return " after the best fit of where the instruments stand" if c.unknowns else ""
 
 
 def nominal_words(c: Calibration) -> str:

@@ -112,7 +112,10 @@ def left_of_commands(model: Model, q: Floats, where: str) -> tuple[str, ...]:
     """What corrected commands (N, n) leave of the machine's error, as texts; none where it is not known. ``where``: at what
     poses."""
     doubt = open_directions(machine_at(model)[0], model, q)
-    return () if doubt is None else (f"leaves {machine_words(doubt, np.zeros((len(q), 3)), None, where)}",)
+    if doubt is None:
+        return ()
+    words = machine_words(doubt, np.zeros((len(q), 3)), None, where, standing=touches_one_plane(model))
+    return (f"leaves {words}",)
 
 
 def left_of_drives(model: Model, carried: Collection[str], session: str | None) -> tuple[str, ...]:
@@ -125,7 +128,7 @@ def left_of_drives(model: Model, carried: Collection[str], session: str | None) 
     after = replace(machine, model=machine.model.without(carried)).goes_to(q, both_approaches(len(q))) - poses.T
     after = without_place(after, poses.T, motions_of_no_error(model))
     where = "the range of the fit, with the calibrated kinematics in the controller"
-    return (f"leaves {machine_words(doubt, after, None, where)}",)
+    return (f"leaves {machine_words(doubt, after, None, where, standing=touches_one_plane(model))}",)
 
 
 def determined(machine: CompensatedMachine, q: Floats, settings: Callable[[Floats], list[Floats]]) -> Mask:

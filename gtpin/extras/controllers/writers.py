@@ -53,7 +53,7 @@ def _dh(model: Model, file: Path, session: str | None, tables: TablesFor) -> Exp
 
 def _arm_table(model: Model) -> str:
     """Rows ``joint parameter unit nominal correction sigma determined``; sigma is blank for a nominal robot."""
-    table = controller_table(model)
+    table = controller_table(model, exact=True)
     if not table:
         what = (
             f"{model.robot.name} is not a serial arm with all placements, so it has no table of Denavit and Hartenberg"
