@@ -139,6 +139,23 @@ def test_a_table_of_a_model_that_leaves_more_says_that_its_sigmas_are_too_small(
         export(replace(plain, unexplained=ModelDiscrepancy(1.743e-4, 0.0, known)), tmp_path / "dh.csv", "dh")
 
 
+def test_a_geometry_that_no_table_has_exactly_is_reported_to_first_order_and_not_exported(
+    monkeypatch, tmp_path
+) -> None:
+    plain = gtpin.read_model("ur5")
+    size = plain.geometry.tolerance
+    off = plain.geometry.values + size * np.random.default_rng(0).standard_normal(len(size))
+    model = replace(plain, geometry=plain.geometry.with_values(off), covariance=np.diag(0.1 * size**2))
+    exact = np.array([p.correction for p in controller_table(model)])
+    monkeypatch.setattr("gtpin.model.dh_chain.STEPS", 1)
+    first = np.array([p.correction for p in controller_table(model)])
+    assert (
+        0.0 < np.abs(first - exact).max() < 5e-3
+    )  # m, rad: along parallel axes hardly anything determines the offsets
+    with pytest.raises(gtpin.GtpinError, match="has not converged in 1 steps; export a URDF"):
+        export(model, tmp_path / "dh.csv", "dh")
+
+
 @pytest.mark.parametrize("name", ["gantry_tau", "panda"])
 def test_other_robots_have_no_table(name: str, tmp_path) -> None:
     model = gtpin.read_model(name)

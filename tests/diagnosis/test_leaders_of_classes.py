@@ -39,3 +39,30 @@ def test_two_joints_that_give_way_lead_their_classes(seed: int) -> None:
     for joint, compliance in COMPLIANCE.items():
         said = by_site[robot.sites[joint]].parameters["compliance"]
         assert abs(said.value - compliance) < 4.0 * said.sigma
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+@pytest.mark.parametrize("seed", range(3))
+def test_backlash_stays_certain_beside_a_cause_of_several_names_and_something_unknown(seed: int) -> None:
+    """By Pinocchio alone: a joint that gives way, which a link and a bearing explain as well, and a wrist that errs by the
+    difference of two others' angles, which nothing of the catalogue does."""
+    robot = gtpin.load_robot("ur10")
+    model = pin.buildModelFromXML(robot.description.xml)
+    tool, data, rng = model.getFrameId("tool0"), model.createData(), np.random.default_rng([seed, 9])
+    half = np.array([2.4, 0.7, 1.1, 1.5, 1.5, 2.4])
+    q = np.array([0.0, -1.4, 1.2, 0.0, 0.0, 0.0]) + half * rng.uniform(-1.0, 1.0, (180, 6))
+    approach, T = rng.choice([-1.0, 1.0], (180, 6)), np.empty((180, 3))
+    for i, row in enumerate(q):
+        given = row.copy()
+        given[1] -= 3e-6 * pin.computeGeneralizedGravity(model, data, row)[1]
+        given[0] -= 1e-4 * approach[i, 0]
+        given[4] += 1e-3 * np.tanh(3.0 * np.sin(row[5] - row[3]))
+        pin.framesForwardKinematics(model, data, given)
+        T[i] = data.oMf[tool].translation
+    T += NOISE * rng.standard_normal(T.shape)
+    columns = {f"approach{j + 1}": approach[:, j] for j in range(6)}
+    names = [f"p{i}" for i in range(180)]
+    found = gtpin.diagnose(gtpin.Dataset("ur10", names, q, T, None, columns, {"position_sigma": NOISE}))
+    sure = {(cause.effect, cause.site) for cause in found.causes if cause.probability > 0.8}
+    assert ("backlash", "shoulder_pan_joint") in sure
