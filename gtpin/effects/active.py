@@ -228,5 +228,5 @@ def warn_of_other_times(effects: Sequence[ActiveEffect], robot: Chain, covariate
         if outside:
             warn(
                 f"{outside} of {len(time)} times are outside {start:.4g} to {start + span:.4g} s, where {active.name} was "
-                "fitted: how it changes with time is extrapolated, and can be wrong"
+                "fitted: it is taken as it was at the nearest of those, and can have changed since"
             )

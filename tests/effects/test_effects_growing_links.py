@@ -59,4 +59,6 @@ def test_a_prediction_at_a_later_time_than_the_fit_s_is_warned_of() -> None:
     with pytest.warns(
         gtpin.GtpinWarning, match="1 of 3 times are outside 0 to 1000 s, where thermal_links@arm was fitted"
     ):
-        predict(model, commands)
+        later_on = predict(model, commands).T
+    at_the_end = gtpin.Commands(np.array(["a"]), q[:1], {"temp_link": np.array([25.0]), "time": np.array([1000.0])})
+    np.testing.assert_allclose(later_on[2], predict(model, at_the_end).T[0], rtol=0, atol=1e-15)  # as it was last
