@@ -210,7 +210,9 @@ class JointProblem:
 
 
 PARAMETER_DRAWS = 150
-"""Number of draws from a posterior for a parameter's sigma; as many mirrored draws are added."""
+"""Number of draws from a posterior for a parameter's sigma, at least; as many mirrored draws are added."""
+LINEAR = 1e-6
+"""Largest sum of the changes by a draw and by its mirror image, over the largest change, of a parameter that is linear."""
 WITHIN = 0.6827
 """Share of the draws that differ from the value by less than sigma: as of a normal distribution."""
 
@@ -308,11 +310,13 @@ def estimates(robot: Chain, active: ActiveEffect, ends: Floats) -> dict[str, Est
     deviation below and above the value. In between and beyond, both change in proportion.
 
     Draws from the posterior are needed because some parameters, such as a curve's root mean square, are not linear in the
-    coefficients. They are not needed for the value: a mean or a median of draws of such a norm is too large, because the
-    draws add the posterior's variance to coefficients that contain the noise already.
+    coefficients. Of one that is, which mirrored draws change in opposite ways, sigma is their root mean square: this is exact,
+    because the draws have the covariance of the posterior. Draws are not needed for the value: a mean or a median of draws of
+    such a norm is too large, because the draws add the posterior's variance to coefficients that contain the noise already.
     """
     root, m = root_of(active.covariance), len(active.coefficients)
-    unit = np.random.default_rng(0).standard_normal((PARAMETER_DRAWS, m + max(len(ends), 1)))
+    n = max(PARAMETER_DRAWS, m + len(ends))
+    unit = np.sqrt(n) * np.linalg.qr(np.random.default_rng(0).standard_normal((n, m + len(ends))))[0]
     drawn = []
     for z in np.vstack([unit, -unit]):
         c = active.coefficients + root @ z[:m]
@@ -321,5 +325,8 @@ def estimates(robot: Chain, active: ActiveEffect, ends: Floats) -> dict[str, Est
         places = [value + float(step[0]) for value, step in zip(active.values, steps, strict=True)]
         drawn.append([v for v, _ in active.effect.parameters_of(robot, active.site, c, places).values()])
     said = active.effect.parameters_of(robot, active.site, active.coefficients, active.values)
-    sigma = np.quantile(np.abs(np.array(drawn) - [value for value, _ in said.values()]), WITHIN, axis=0)
+    off = np.array(drawn) - [value for value, _ in said.values()]
+    size = np.abs(off)
+    linear = np.abs(off[:n] + off[n:]).max(axis=0) < LINEAR * size.max(axis=0)
+    sigma = np.where(linear, np.sqrt((off**2).mean(axis=0)), np.quantile(size, WITHIN, axis=0))
     return {name: Estimate(value, float(s), unit) for (name, (value, unit)), s in zip(said.items(), sigma, strict=True)}

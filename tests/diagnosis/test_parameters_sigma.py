@@ -87,3 +87,23 @@ def test_sigmas_beside_a_strong_cause_are_those_of_derivatives_by_differences(mo
     analytic = sigmas()
     monkeypatch.setattr(JointProblem, "jacobian", by_differences)
     np.testing.assert_allclose(analytic, sigmas(), rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("effect", "site", "parameter"), [("encoder_scale", "cart1", "scale"), ("cross_coupling", "cart2", "end_to_end[1]")]
+)
+def test_the_sigma_of_a_linear_parameter_is_that_of_its_coefficients(effect: str, site: str, parameter: str) -> None:
+    case = make_case(0, effects=[(effect, site)], noncentrality=500.0, poses=80, held_out=2, background=False)
+    baseline = calibrate(case.dataset)
+    observed = Observed.of(case.dataset.take(baseline.used(case.dataset)), baseline)
+    references = observed.operating_points(baseline.model).references
+    model = fit_together(observed, baseline.model, [Hypothesis(effects_by_id()[effect], site)], [1.0], references)
+    active = model.effects[0]
+
+    def value(c: Floats) -> float:
+        return active.effect.parameters_of(model.robot, site, c, active.values)[parameter][0]
+
+    gradient = np.array([value(row) for row in np.eye(len(active.coefficients))])
+    expected = np.sqrt(gradient @ active.covariance @ gradient)
+    found = estimates(model.robot, active, np.zeros((0, 2, 1 + len(gradient))))
+    assert found[parameter].sigma == pytest.approx(expected, rel=1e-6)
