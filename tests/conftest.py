@@ -32,6 +32,17 @@ LONG = (
 PLACE = {ROOT / name: place for place, name in enumerate(LONG)}
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--one-of-each", action="store_true", help="each test with the first of its parameters alone")
+
+
+@pytest.hookimpl(trylast=True)  # after the choice by marks
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Put the long files first; the others, and the tests of a file, stay in their order."""
     items.sort(key=lambda item: PLACE.get(item.path, len(PLACE)))
+    if config.getoption("--one-of-each"):
+        first = {item.nodeid.partition("[")[0]: item for item in reversed(items)}
+        config.hook.pytest_deselected(
+            items=[item for item in items if first[item.nodeid.partition("[")[0]] is not item]
+        )
+        items[:] = [item for item in items if first[item.nodeid.partition("[")[0]] is item]
