@@ -24,7 +24,7 @@ LEAST_FACTOR = 1e-6
 """Smallest factor, in units of the tolerances, of a parameter that is part of a base parameter: that of FIGAROH too."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Regressor:
     """The stacked, whitened Jacobian of a fit: ``J x`` is the change of the predictions, in sigmas of the noise, by x.
 
@@ -44,6 +44,9 @@ class Regressor:
     prior: Floats
     rows: tuple[tuple[str, str], ...]
     columns: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"Regressor of {len(self.columns)} unknowns: {len(self.rows)} rows"
 
     def to_dataframe(self) -> pd.DataFrame:
         """J as a table with the names of its rows and columns."""
