@@ -17,6 +17,7 @@ def usual():
     return study(lambda rng: case(rng, 100), MACHINES)
 
 
+@pytest.mark.study
 def test_intervals_cover_values_are_unbiased_and_errors_follow_the_whole_covariance(usual):
     # The pooled share has a spread of 0.003 over 250 machines, so that 0.01 is 3.8 of it.
     usual.assert_covers(pooled=0.01)
@@ -24,11 +25,13 @@ def test_intervals_cover_values_are_unbiased_and_errors_follow_the_whole_covaria
     usual.assert_covariance()
 
 
+@pytest.mark.study
 def test_chi_square_per_degree_of_freedom_is_one_and_no_good_pose_set_aside_nor_a_lack_of_fit_claimed(usual):
     usual.assert_fits()
     usual.assert_clean(1e-3)  # documented
 
 
+@pytest.mark.study
 def test_held_out_errors_follow_the_propagated_covariance(usual):
     assert_held_out(usual)
 

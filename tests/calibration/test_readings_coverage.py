@@ -79,6 +79,7 @@ def test_values_and_unknowns_of_the_instruments_are_covered_and_unbiased_and_not
     found.assert_clean(2e-3)
 
 
+@pytest.mark.study
 def test_unknowns_of_all_kinds_together_are_covered_by_93_to_97_percent():
     inside = np.concatenate([(np.abs(of_kind(kind).z_unknown) < INSIDE).ravel() for kind in KINDS])
     spreads = [of_kind(kind).spread_unknown * of_kind(kind).z_unknown.size / len(inside) for kind in KINDS]
