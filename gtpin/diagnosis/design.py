@@ -103,9 +103,9 @@ class Observed:
         q = self.measured.q
         return OperatingPoints(kinematics, q, poses, self.covariates, fixed, self.temperature, self.unusable)
 
-    def design(self, model: Model, fixed: References | None = None, at: OperatingPoints | None = None) -> Design:
-        """The linear problem about a model's geometry; ``at``: its operating points where they are already known."""
-        at = at or self.operating_points(model, fixed)
+    def design(self, model: Model, fixed: References | None = None) -> Design:
+        """The linear problem about a model's geometry."""
+        at = self.operating_points(model, fixed)
         return Design.of(at, model, self.measured, self.noise, self.weight, self.free_frame)
 
 
@@ -187,11 +187,6 @@ class Design:
     def columns(self, basis: Displacement) -> Floats:
         """(N c, m) whitened displacements for coefficients of typical size."""
         return _whitened(self.whitening, self.change_by(basis.displacement(self.operating_points) * basis.sigma))
-
-    def again(self, columns: Floats, earlier: Design) -> Floats:
-        """(N c, m) the columns that an earlier design, of the same rows with other noise, had whitened."""
-        ratio = self.whitening @ np.linalg.inv(earlier.whitening)
-        return _whitened(ratio, columns.reshape(*self.whitening.shape[:2], -1))
 
     def change_by(self, J: Floats) -> Floats:
         """(N, c, m) changes of the measured numbers by motions J (N, 6 + k, m) of the poses, base frame, and of k measured

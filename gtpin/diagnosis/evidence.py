@@ -83,10 +83,6 @@ class Groups(Generic[K]):
         self._half[term] = self.marginal.half(columns)
         self._moment[term] = columns.T @ self.y - self._half[term].T @ self._half_y
 
-    def taken(self, term: K) -> Floats:
-        """(m, c) whitened displacements of a group, which can't be used again."""
-        return self._columns.pop(term)
-
     def join(self, term: K, parts: Sequence[K]) -> None:
         """Add a group that consists of several groups side by side; its core consists of their cores.
 
@@ -430,30 +426,21 @@ def _zero(groups: Groups[K], model: Posterior[K], out: npt.NDArray[np.bool_], sc
     """The model given that the coefficients of the mask ``out`` (n,), of scale ``scale``, are zero. Its terms are unchanged."""
     model, own = _factored(groups, model, out)
     C, mean = model.covariance, model.mean
-    rest = C[~out]
-    across = cho_solve(own, rest[:, out].T)
+    across = cho_solve(own, C[np.ix_(out, ~out)])
     ratio = -0.5 * float(mean[out] @ cho_solve(own, mean[out])) - float(np.log(np.diag(own[0])).sum())
     return replace(
         model,
         log_evidence=model.log_evidence + ratio + int(out.sum()) * float(np.log(scale)),
         mean=mean[~out] - across.T @ mean[out],
-        covariance=rest[:, ~out] - rest[:, out] @ across,
+        covariance=C[np.ix_(~out, ~out)] - C[np.ix_(~out, out)] @ across,
     )
-
-
-def without_coefficients(model: Posterior[Any], own: slice, scale: float) -> float:
-    """Gain in log evidence if some coefficients of a group of scale ``scale`` are zero."""
-    C, mean = model.covariance[own, own], model.mean[own]
-    return float(len(mean) * np.log(scale) - 0.5 * mean @ np.linalg.solve(C, mean) - 0.5 * np.linalg.slogdet(C)[1])
 
 
 def _more(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posterior[K]:
     """More parts, appended to the present ones: the posterior by one step of Gaussian elimination."""
     at = model.terms.index(old)
     added = groups.parts(new)[len(groups.parts(old)) :]
-    parts = [part for term in model.terms for part in groups.parts(term)]
-    # Few columns: side by side, the columns of the model would take longer than all products.
-    A = np.vstack([np.hstack([groups.block(part, other) for other in parts]) for part in added])
+    A = np.vstack([groups.across(part, model.terms) for part in added])
     gram = np.block([[groups.block(one, other) for other in added] for one in added]) - A @ model.covariance @ A.T
     moment = np.concatenate([groups.moment(part) for part in added]) - A @ model.mean
     scale, count = model.scale[at], len(moment)
@@ -461,21 +448,19 @@ def _more(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posterior[K
     mean = cho_solve(factor, moment)
     moved = model.covariance @ A.T
     across = -cho_solve(factor, moved.T).T
-    n, end = len(model.mean), sum(model.widths[: at + 1])
+    n = len(model.mean)
     covariance = np.empty((n + count, n + count))
-    own, others = slice(end, end + count), ((slice(end), slice(end)), (slice(end, n), slice(end + count, n + count)))
-    wider, shifted = model.covariance - across @ moved.T, model.mean - moved @ mean
-    for a, to_a in others:
-        for b, to_b in others:
-            covariance[to_a, to_b] = wider[a, b]
-        covariance[to_a, own], covariance[own, to_a] = across[a], across[a].T
-    covariance[own, own] = cho_solve(factor, np.eye(count))
+    covariance[:n, :n] = model.covariance - across @ moved.T
+    covariance[:n, n:], covariance[n:, :n] = across, across.T
+    covariance[n:, n:] = cho_solve(factor, np.eye(count))
+    end = sum(model.widths[: at + 1])
+    order = np.r_[:end, n : n + count, end:n]
     gain = 0.5 * float(moment @ mean) - float(np.log(scale * np.diag(factor[0])).sum())
     return replace(
         _named(groups, model, at, new),
         log_evidence=model.log_evidence + gain,
-        mean=np.concatenate([shifted[:end], mean, shifted[end:]]),
-        covariance=covariance,
+        mean=np.concatenate([model.mean - moved @ mean, mean])[order],
+        covariance=covariance[np.ix_(order, order)],
     )
 
 

@@ -20,7 +20,7 @@ from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import Priors
 from gtpin.diagnosis.propose import propose
 from gtpin.diagnosis.result import Source
-from gtpin.diagnosis.search import MOST_TERMS, HypothesisSet, rough_guess, tuned_again
+from gtpin.diagnosis.search import MOST_TERMS, HypothesisSet, rough_guess
 from gtpin.distributions import chi2, f
 from gtpin.effects.operating_points import OperatingPoints, References
 from gtpin.effects.sites import loaded_along
@@ -230,12 +230,10 @@ def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[flo
     noise = replace(observed.noise.scaled(float(np.sqrt(misfit_declared))), repeatability=0.0)
     noise = replace(noise, estimated=np.ones_like(noise.estimated))
     guess: Posterior[Term] = NOTHING
-    hypotheses: HypothesisSet | None = None
-    at = observed.operating_points(baseline.model)
     for _ in range(NOISE_SEARCHES):
         now = replace(observed, noise=noise)
-        hypotheses = propose(now.design(baseline.model, at=at), scope, before=hypotheses)
-        guess = rough_guess(hypotheses, guess, refine=not hypotheses.long)
+        hypotheses = propose(now.design(baseline.model), scope)
+        guess = rough_guess(hypotheses, guess)
         noise = reestimate_noise(now, hypotheses, guess).observed.noise
         if all(getattr(noise, key) <= most * value for key, value in declared.items()):
             return {}  # it only falls from search to search
@@ -387,10 +385,9 @@ def floor_of(noise: ReadingNoise, design: Design) -> Floats:
     return np.asarray(np.einsum("nij,njk,nik->ni", compared, covariance, compared))
 
 
-NOISE_ROUNDS, LONG_NOISE_ROUNDS = 2, 12
+NOISE_ROUNDS, LONG_NOISE_ROUNDS = 2, 6
 """Most times that the noise is re-estimated, with and without rods. A search with too small a noise explains some of the noise
-by causes. Without rods, the terms of the last model are kept while the noise changes, so that more repetitions cost little
-time.
+by causes. Without rods, each search starts from the last model, so that more repetitions cost little time.
 """
 MOST_POSES = 3000
 """Most poses that a search uses: more make it slower, but hardly better. The causes are then fitted to all poses."""
@@ -466,35 +463,26 @@ def _reestimated(
     Returns the poses without outliers, (N,) which poses these are, their hypotheses, and the model of the last search.
     """
     model = prepared.baseline.model
-    design = observed.design(model)
-    hypotheses = propose(design, scope)
-    refined = (
-        not hypotheses.long
-    )  # of a long model, which takes long to refine, only that with the right noise is refined
-    guess = rough_guess(hypotheses, refine=refined)
+    hypotheses = propose(observed.design(model), scope)
+    guess = rough_guess(hypotheses)
     # Where a cause is large, the calibration could not find the outliers.
     outliers = gross_errors(hypotheses, guess)
     used = ~outliers | clustered(hypotheses.design.operating_points, outliers, scope.priors)
     if not used.all() and guess.terms:
         observed = observed.take(used)
         del hypotheses  # frees memory before the next is made: it takes the most
-        design = observed.design(model)
-        hypotheses = propose(design, scope)
-        guess = rough_guess(hypotheses, guess, refined)
+        hypotheses = propose(observed.design(model), scope)
+        guess = rough_guess(hypotheses, guess)
     else:
         used[:] = True
     for _ in range(LONG_NOISE_ROUNDS if hypotheses.long else NOISE_ROUNDS):
         noise = reestimate_noise(observed, hypotheses, guess, prepared.declared)
-        if noise.matters:
-            observed = noise.observed
-            design = observed.design(model, at=design.operating_points)
-            hypotheses = propose(design, scope, before=hypotheses)
-            guess = tuned_again(hypotheses, guess) if hypotheses.long else rough_guess(hypotheses)
-            refined = not hypotheses.long
-        elif refined:
+        if not noise.matters:
             break
-        else:
-            guess, refined = rough_guess(hypotheses, guess), True
+        observed = noise.observed
+        del hypotheses
+        hypotheses = propose(observed.design(model), scope)
+        guess = rough_guess(hypotheses, guess)
     return observed, used, hypotheses, guess
 
 

@@ -15,12 +15,11 @@ from scipy.linalg import cho_factor, cho_solve
 
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, all_gains, fixed, gain
-from gtpin.diagnosis.hypothesis import CLOCK, Hypothesis, Proxy, Scope, SmoothTerm, Term
+from gtpin.diagnosis.hypothesis import CLOCK, Hypothesis, Proxy, Scope
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.diagnosis.search import HypothesisSet, Untested
 from gtpin.diagnosis.smooth_terms import smooth_terms
 from gtpin.effects.catalogue import OWN
-from gtpin.effects.displacement import Displacement
 from gtpin.effects.operating_points import Column, OperatingPoints
 from gtpin.effects.untestable import Untestable, as_untestable
 from gtpin.errors import warn
@@ -31,61 +30,40 @@ FEWEST_SESSIONS = 2
 """Fewest sessions that are left: with one, no effect of sessions can be tested."""
 
 
-def propose(
-    design: Design, scope: Scope, *, changes: bool = False, before: HypothesisSet | None = None
-) -> HypothesisSet:
+def propose(design: Design, scope: Scope, *, changes: bool = False) -> HypothesisSet:
     """Divide the effects of a scope, at all their sites, into those that the data can test and those that they can't.
 
     ``changes``: of effects since an earlier model, whose uncertainty B has; without smooth terms, proxies and scans.
-    ``before``: hypotheses of the same operating points with another noise, which are not used again: their displacements are
-    whitened again, and so that both are not in memory at the same time, each is taken from there.
     """
     at, marginal = design.operating_points, Marginal(design.B)
-    known = before if before is not None and before.design.operating_points is at else None
-
-    def columns(term: Term, basis: Callable[[], Displacement]) -> Floats:
-        if known is None or term not in known.groups:
-            return design.columns(basis())
-        return design.again(known.groups.taken(term), known.design)
-
-    linear: dict[Hypothesis, Floats] = {}
+    linear: list[Hypothesis] = []
     scanned: list[Hypothesis] = []
     untested: list[Untested] = []
     for hypothesis in scope.hypotheses(at.robot):
         effect, site = hypothesis.effect, hypothesis.site
         reason = _no_change(at, hypothesis) if changes else as_untestable(effect.untestable(at, site))
-        if reason is None and not changes and len(effect.nonlinear_values(at, site)) > 0:
-            hypothesis.checked(at)
-            scanned.append(hypothesis)
-            continue
-        if reason is None:
-            X = columns(hypothesis, partial(hypothesis.checked, at))
+        many = not changes and reason is None and len(effect.nonlinear_values(at, site)) > 0
+        basis = hypothesis.checked(at) if reason is None else None
+        if basis is not None and not many:
             # Whether even many times the typical size does not show: geometry or uncertainty absorb it, or it is small.
-            whole, absorbed = (scope.priors.large**2 * float((Z**2).sum()) for Z in (X, marginal.half(X)))
-            if (left := whole - absorbed) <= scope.priors.shows:
+            X = design.columns(basis) * scope.priors.large
+            whole = float((X**2).sum())
+            if (left := whole - float((marginal.half(X) ** 2).sum())) <= scope.priors.shows:
                 framed = any(design.measured.rows.stations) and "session" in effect.covariates(at.robot, site)
                 hidden = Untestable("absorbed" if left <= scope.priors.leaves * whole else "small")
                 reason = Untestable("uncertain") if changes else Untestable("stations") if framed else hidden
-            else:
-                linear[hypothesis] = X
         if reason:
             untested.append(Untested(hypothesis, reason))
+        else:
+            (scanned if many else linear).append(hypothesis)
     if changes:
-        return HypothesisSet(design, tuple(linear), (), (), scope, untested, columns=linear)
-    design, odds = merged_sessions(design, marginal, tuple(linear), scope.priors)
-    lacking = partial(proxies, design, [one.hypothesis for one in untested], tuple(linear), scope.priors)
-    if design.operating_points is not at:
-        at, known = design.operating_points, None
-        linear = {hypothesis: design.columns(hypothesis.basis(at)) for hypothesis in linear}
+        return HypothesisSet(design, linear, (), (), scope, untested)
+    design, odds = merged_sessions(design, marginal, linear, scope.priors)
+    at = design.operating_points
     scaled = any(hypothesis.effect.stretches_frame for hypothesis in linear)
-    smooth: Iterable[tuple[SmoothTerm, Floats]]
-    if known is not None and scaled == any(hypothesis.effect.stretches_frame for hypothesis in known.linear):
-        smooth = ((term, design.again(known.groups.taken(term), known.design)) for term in known.smooth)
-    else:
-        smooth = ((term, design.columns(basis)) for term, basis in smooth_terms(at, scope.priors, scaled))
-    return HypothesisSet(
-        design, tuple(linear), scanned, smooth, scope, untested, columns=linear, of_sessions=odds, proxies=lacking
-    )
+    smooth = tuple(smooth_terms(at, scope.priors, scaled))
+    lacking = partial(proxies, design, [one.hypothesis for one in untested], linear, scope.priors)
+    return HypothesisSet(design, linear, scanned, smooth, scope, untested, of_sessions=odds, proxies=lacking)
 
 
 def _no_change(at: OperatingPoints, hypothesis: Hypothesis) -> Untestable | None:

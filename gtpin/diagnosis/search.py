@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cached_property
-from types import MappingProxyType
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -28,7 +27,6 @@ from gtpin.diagnosis.evidence import (
     fixed,
     tuned,
     without,
-    without_coefficients,
 )
 from gtpin.diagnosis.hypothesis import (
     Hypothesis,
@@ -42,6 +40,7 @@ from gtpin.diagnosis.hypothesis import (
     same_place,
 )
 from gtpin.diagnosis.scan import NO_GAIN, FittedLines, Scan
+from gtpin.effects.displacement import Displacement
 from gtpin.effects.untestable import Untestable
 from gtpin.typing import Floats
 
@@ -81,10 +80,9 @@ class HypothesisSet:
     not change the models that it keeps.
 
     ``linear``: hypotheses without a nonlinear parameter. ``scanned``: hypotheses whose
-    nonlinear parameter is scanned, without a value of it. ``smooth``: smooth terms with their whitened displacements (N c, m).
-    ``scope``: gives the probability of a false alarm, and the priors. ``untested``: effects that can't be tested: those that
-    lack a covariate may have a proxy. ``columns``: whitened displacements of ``linear`` that are already computed.
-    ``of_sessions``: additional log prior odds against terms that depend on the session, nats.
+    nonlinear parameter is scanned, without a value of it. ``smooth``: smooth terms with their displacements. ``scope``: gives
+    the probability of a false alarm, and the priors. ``untested``: effects that can't be tested: those that lack a covariate
+    may have a proxy. ``of_sessions``: additional log prior odds against terms that depend on the session, nats.
     ``proxies``: computes the proxies of effects that lack a covariate, when they are first needed.
 
     ``threshold``: log prior odds against a first named cause, nats: ln(number of hypotheses / ``scope.false_alarm``).
@@ -95,11 +93,10 @@ class HypothesisSet:
         design: Design,
         linear: Sequence[Hypothesis],
         scanned: Sequence[Hypothesis],
-        smooth: Iterable[tuple[SmoothTerm, Floats]],
+        smooth: Iterable[tuple[SmoothTerm, Displacement]],
         scope: Scope,
         untested: Sequence[Untested] = (),
         *,
-        columns: Mapping[Hypothesis, Floats] = MappingProxyType({}),
         of_sessions: float = 0.0,
         proxies: Callable[[], Iterable[Proxy]] = tuple,
     ) -> None:
@@ -107,19 +104,19 @@ class HypothesisSet:
         self.untested, self.priors = tuple(untested), scope.priors
         self.groups: Groups[Term] = Groups(Marginal(design.B), design.y, scope.priors)
         for hypothesis in self.linear:
-            self._add(hypothesis, columns.get(hypothesis))
+            self._add(hypothesis)
         found = []
-        for term, moved in smooth:
+        for term, basis in smooth:
             found.append(term)
-            self.groups.add(term, moved)
+            self.groups.add(term, design.columns(basis))
         self.smooth = tuple(found)
         self.threshold = float(np.log(max(len(self.named), 1)) + np.log(1.0 / scope.false_alarm))
         self.of_sessions, self._proxies = of_sessions, proxies
         self._scans: dict[Hypothesis, Scan] = {}
         self.models_with_lines: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Posterior[Term]] = {}
         """Models with all lines of a periodic error, by terms and scales of the model without the error, and its first line."""
-        self.searches: dict[tuple[tuple[Term, ...], tuple[Term, ...], int, bool], Posterior[Term]] = {}
-        """Models of earlier searches: by first terms, allowed terms, number of terms, and whether they were refined."""
+        self.searches: dict[tuple[tuple[Term, ...], tuple[Term, ...], int], Posterior[Term]] = {}
+        """Models of earlier searches: by first terms, allowed terms, and number of terms."""
         self._gains: dict[tuple[tuple[Term, ...], tuple[float, ...]], dict[Term, Gain]] = {}
         self._costs: dict[tuple[Term, ...], tuple[float, ...]] = {}
 
@@ -161,11 +158,10 @@ class HypothesisSet:
         fewer.scanned = tuple(hypothesis for hypothesis in self.scanned if hypothesis.place not in places)
         return fewer
 
-    def _add(self, hypothesis: Hypothesis, columns: Floats | None = None) -> None:
+    def _add(self, hypothesis: Hypothesis) -> None:
         if not hypothesis.further:
-            if columns is None:
-                columns = self.design.columns(hypothesis.basis(self.design.operating_points))
-            self.groups.add(hypothesis, columns, hypothesis.effect.core)
+            basis = hypothesis.basis(self.design.operating_points)
+            self.groups.add(hypothesis, self.design.columns(basis), hypothesis.effect.core)
             return
         lines = [Hypothesis(hypothesis.effect, hypothesis.site, value) for value in hypothesis.values]
         for line in lines:
@@ -342,21 +338,17 @@ MOST_TERMS = 5
 """Most terms in a model of a robot with rods; without rods, one more for each actuator."""
 
 
-def rough_guess(hypotheses: HypothesisSet, before: Posterior[Term] = NOTHING, refine: bool = True) -> Posterior[Term]:
+def rough_guess(hypotheses: HypothesisSet, before: Posterior[Term] = NOTHING) -> Posterior[Term]:
     """A model of everything that is not noise, by one search from a single first term.
 
     ``before``: an earlier such model, of these poses with another noise. A search of a robot without rods, whose models are
-    long, starts from it. ``refine``: as in :func:`search`.
+    long, starts from it.
     """
-    start = tuned_again(hypotheses, before) if hypotheses.long else NOTHING
-    return search(hypotheses, hypotheses.every, beginnings=1, start=start, refine=refine)
-
-
-def tuned_again(hypotheses: HypothesisSet, before: Posterior[Term]) -> Posterior[Term]:
-    """The terms of a model of these poses with another noise that still increase the log posterior, with new scales."""
-    known = set(hypotheses.every)
+    start, known = NOTHING, set(hypotheses.every)
     terms = [term for term in before.terms if hypotheses.without_value(term) in known]
-    return _pruned(hypotheses, hypotheses.of(terms, [scales(before)[term] for term in terms])) if terms else NOTHING
+    if hypotheses.long and terms:
+        start = _pruned(hypotheses, hypotheses.of(terms, [scales(before)[term] for term in terms]))
+    return search(hypotheses, hypotheses.every, beginnings=1, start=start)
 
 
 def search(
@@ -364,13 +356,11 @@ def search(
     terms: Sequence[Term],
     beginnings: int = BEAM,
     start: Posterior[Term] = NOTHING,
-    refine: bool = True,
 ) -> Posterior[Term]:
     """The model of largest log posterior that was found, out of some terms.
 
     ``terms``: the terms that the model can have. ``beginnings``: number of first terms that are tried. ``start``: a model of
-    these hypotheses that is extended first; if it then has more than ``MOST_TERMS`` terms, no other first term is tried.
-    ``refine``: whether a long model is refined by exchanges, and its lines are estimated again, when nothing more gains. At
+    these hypotheses that is extended first; if it then has more than ``MOST_TERMS`` terms, no other first term is tried. At
     last an effect at all actuators is tried, where this explains more than each term alone: actuators of one build have the
     same weakness, and the first step from one of them can lead to a term that imitates all.
     """
@@ -378,7 +368,7 @@ def search(
     alone, terms = hypotheses.gains(NOTHING, terms), _with_room(hypotheses, NOTHING, terms)
     order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))
     passed: dict[frozenset[tuple[Term, tuple[float, ...], float]], Posterior[Term]] = {}
-    best: Posterior[Term] = _extend(hypotheses, start, terms, largest, passed, refine) if start.terms else NOTHING
+    best: Posterior[Term] = _extend(hypotheses, start, terms, largest, passed) if start.terms else NOTHING
     taken = {hypotheses.without_value(t) for t in best.terms}
     for term in order[: beginnings if len(best.terms) <= MOST_TERMS else 0]:
         if alone[term].value < hypotheses.cost(term):
@@ -386,18 +376,18 @@ def search(
         if term in taken:
             continue
         first = (alone[term].term,)
-        if (key := (first, tuple(terms), largest, refine)) not in hypotheses.searches:
-            hypotheses.searches[key] = _extend(hypotheses, hypotheses.of(first, (1.0,)), terms, largest, passed, refine)
+        if (key := (first, tuple(terms), largest)) not in hypotheses.searches:
+            hypotheses.searches[key] = _extend(hypotheses, hypotheses.of(first, (1.0,)), terms, largest, passed)
         larger = hypotheses.searches[key]
         if hypotheses.log_posterior(larger) > hypotheses.log_posterior(best):
             best = larger
             taken = {hypotheses.without_value(t) for t in best.terms}
     for alike in _at_all_actuators(hypotheses, terms, alone):
-        every = (alike, tuple(terms), largest, refine)
+        every = (alike, tuple(terms), largest)
         if every not in hypotheses.searches:
             larger = hypotheses.of(alike, [1.0] * len(alike))
             if hypotheses.log_posterior(larger) > alone[order[0]].value - hypotheses.cost(order[0]):
-                larger = _extend(hypotheses, _pruned(hypotheses, larger), terms, largest, passed, refine)
+                larger = _extend(hypotheses, _pruned(hypotheses, larger), terms, largest, passed)
             hypotheses.searches[every] = larger
         best = max(best, hypotheses.searches[every], key=hypotheses.log_posterior)
     return best
@@ -416,8 +406,8 @@ def with_residuals(hypotheses: HypothesisSet, model: Posterior[Term]) -> Posteri
     mechanisms = [h for h in hypotheses.linear if h.effect.nature == "mechanism"]
     gains = hypotheses.gains(known, hypotheses.smooth)
     for term in sorted(gains, key=lambda term: -gains[term].value)[:BEAM]:
-        beside = _extend(hypotheses, hypotheses.extended(known, term), mechanisms, largest, {}, True)
-        beside = _extend(hypotheses, beside, hypotheses.every, largest, {}, True)
+        beside = _extend(hypotheses, hypotheses.extended(known, term), mechanisms, largest, {})
+        beside = _extend(hypotheses, beside, hypotheses.every, largest, {})
         model = max(model, beside, key=hypotheses.log_posterior)
     return model
 
@@ -447,7 +437,6 @@ def _extend(
     terms: Sequence[Term],
     largest: int,
     passed: dict[frozenset[tuple[Term, tuple[float, ...], float]], Posterior[Term]],
-    refine: bool,
 ) -> Posterior[Term]:
     """A model after all steps that increase its log posterior: one more term, more lines of a term, exchanges, removals.
 
@@ -455,22 +444,16 @@ def _extend(
     1e-9 of their units) and scales: from one of them on, the steps are the same.
     """
     last: dict[tuple[str, str], float] = {}
-    net: dict[Term, float] = {}
-    known: set[frozenset[tuple[Term, int]]] = set()
     way = []
     while True:
-        values = [tuple(np.round(t.values, 9)) if isinstance(t, Hypothesis) else () for t in model.terms]
+        values = (tuple(np.round(t.values, 9)) if isinstance(t, Hypothesis) else () for t in model.terms)
         way.append(frozenset(zip(map(hypotheses.without_value, model.terms), values, model.scale, strict=True)))
         if way[-1] in passed:
             model = passed[way[-1]]
             break
-        # Where nothing gained, small changes of the lines make nothing gain.
-        shape = frozenset((hypotheses.without_value(t), len(v)) for t, v in zip(model.terms, values, strict=True))
-        every = refine and shape not in known
-        lines = further_lines(hypotheses, model, last=last, every=every)
-        best = _best(hypotheses, model, terms, net, every) if len(model.terms) < largest else None
-        if every and lines is None and (best is None or best.whole < 0.0):
-            known.add(shape)
+        lines = further_lines(hypotheses, model, last=last)
+        gains = hypotheses.net_gains(model, _with_room(hypotheses, model, terms)) if len(model.terms) < largest else {}
+        best = max(gains.values(), key=lambda g: g.whole, default=None)
         # Gains are computed with fixed scales: where the step of larger gain does not increase the log posterior, the other is
         # tried.
         steps = ["term", "lines"] if lines is None or (best and best.whole >= lines[0]) else ["lines", "term"]
@@ -482,46 +465,20 @@ def _extend(
                 larger = with_all_lines(hypotheses, model, best)
                 if not hypotheses.long:  # of a long model a term would be removed that a swap makes useful
                     larger = _pruned(hypotheses, larger)
-                larger = _pruned(hypotheses, _swapped(hypotheses, larger, terms) if refine else larger)
+                larger = _pruned(hypotheses, _swapped(hypotheses, larger, terms))
             if hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
                 break
         else:
-            if not refine:
-                break
-            larger = with_lines_reestimated(hypotheses, model)
-            if hypotheses.log_posterior(larger) < hypotheses.log_posterior(model) + LINES_CONVERGED:
-                larger = _with_lines_instead(hypotheses, larger)  # the most costly step comes last
-            if hypotheses.log_posterior(larger) < hypotheses.log_posterior(model) + LINES_CONVERGED:
-                model = larger
+            larger, again = model, with_lines_reestimated(hypotheses, model)
+            while hypotheses.log_posterior(again) > hypotheses.log_posterior(larger) + 1e-9:
+                larger, again = again, with_lines_reestimated(hypotheses, again)
+            if larger is model:  # the lines are final: the most costly step comes last
+                larger = _with_lines_instead(hypotheses, model)
+            if not hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
                 break
         model = larger
     passed |= dict.fromkeys(way, model)
     return model
-
-
-def _best(
-    hypotheses: HypothesisSet, model: Posterior[Term], terms: Sequence[Term], net: dict[Term, float], every: bool
-) -> Gain | None:
-    """The largest gain in log posterior by one more term that fits into a model; None where no term fits.
-
-    ``net``: gains of the terms beside an earlier, smaller model; they are updated here. A term seldom gains more in a larger
-    model, so those that gained less than the best one now are computed again only where none gains, and ``every`` is true.
-    """
-    left = sorted(_with_room(hypotheses, model, terms), key=lambda t: -net.get(t, np.inf))
-    best: Gain | None = None
-    while left:
-        least = max(best.whole if best else 0.0, 0.0)
-        if net.get(left[0], np.inf) > least:
-            count = max(sum(t not in net for t in left), 1)
-        elif every and (best is None or best.whole < 0.0):
-            count = len(left)
-        else:
-            break
-        found = hypotheses.net_gains(model, left[:count])
-        net |= {term: gain.whole for term, gain in found.items()}
-        best = max([*([best] if best else []), *found.values()], key=lambda g: g.whole, default=None)
-        left = left[count:]
-    return best
 
 
 def _with_lines_instead(hypotheses: HypothesisSet, model: Posterior[Term]) -> Posterior[Term]:
@@ -613,9 +570,6 @@ FEW_LINES = 3
 fifty periods near its last one are tried. Assumed."""
 SAME_PERIOD = 0.1
 """Change of a period, in standard deviations, below which the line is not changed. Assumed."""
-SHORT_STEP = 0.5
-"""Largest step of Newton's method to a better period, and its largest standard deviation, in steps of the scan, of which there
-are six in the width of a maximum. Otherwise periods near the last one are tried."""
 LINE_SWEEPS, LINES_CONVERGED = 6, 0.1
 """Most times that all lines are estimated again, and the gain in log posterior, nats, below which this stops. Assumed."""
 
@@ -625,7 +579,6 @@ def further_lines(
     model: Posterior[Term],
     terms: Collection[Hypothesis] | None = None,
     last: dict[tuple[str, str], float] | None = None,
-    every: bool = True,
 ) -> tuple[float, Hypothesis, Hypothesis] | None:
     """The periodic error of a model that gains most by more lines: (gain, hypothesis with these lines, hypothesis without).
 
@@ -633,14 +586,14 @@ def further_lines(
 
     ``terms``: only these of its periodic errors. ``last``: gains of each periodic error in an earlier, smaller model, by place;
     they are updated here. A line seldom gains more in a larger model, so those that gained less than the best one now are not
-    computed again; those that gained nothing only where ``every`` is true, and no other gains.
+    computed again.
     """
     if not hypotheses.long or len(model.mean) >= hypotheses.priors.most_coefficients * hypotheses.design.count:
         return None
     best: tuple[float, Hypothesis, Hypothesis] | None = None
     last = {} if last is None else last
     for term in sorted(causes(model) if terms is None else terms, key=lambda t: -last.get(t.place, np.inf)):
-        if (best or not every) and last.get(term.place, np.inf) <= (best[0] if best else 0.0):
+        if best and last.get(term.place, np.inf) <= best[0]:
             break
         if not 0 < len(term.values) < term.effect.most_values or term.template not in hypotheses.scanned:
             continue
@@ -699,16 +652,14 @@ def with_lines(hypotheses: HypothesisSet, rest: Posterior[Term], term: Hypothesi
 
 def _reestimate_lines(hypotheses: HypothesisSet, model: Posterior[Term], term: Hypothesis) -> Posterior[Term]:
     """The model with each line of a hypothesis estimated again given the others, or left out where that increases the log
-    posterior; of many lines only those that would change."""
-    for old, changes in zip(term.lines, _changing(hypotheses, model, term), strict=True):
-        if not changes:
-            continue
+    posterior."""
+    for old in term.lines:
         if len(term.values) < 2:  # its lines were equal
             break
         less = term.with_lines([line for line in term.lines if line != old])
         without_it = hypotheses.replaced(model, term, less)
         candidates = [(less, without_it)] if len(less.values) > 1 else []
-        found = _estimated(hypotheses, model, term, old, without_it, less)
+        found = _estimated(hypotheses, without_it, less, old)
         if abs(found[0] - old[0]) > SAME_PERIOD * found[1]:
             again = less.with_lines((*less.lines, found))
             candidates.insert(0, (again, hypotheses.replaced(without_it, less, again)))
@@ -718,46 +669,13 @@ def _reestimate_lines(hypotheses: HypothesisSet, model: Posterior[Term], term: H
     return model
 
 
-def _changing(hypotheses: HypothesisSet, model: Posterior[Term], term: Hypothesis) -> list[bool]:
-    """Whether each line of a hypothesis may have another period given the others, or be left out."""
-    if len(term.lines) <= FEW_LINES:
-        return [True] * len(term.lines)
-    at, groups = model.terms.index(term), hypotheses.groups
-    place, scale = sum(model.widths[:at]), model.scale[at]
-    best, sigma = hypotheses.scan(term.template).improved(model, term.values, place)
-    found = np.abs(best - term.values) > SAME_PERIOD * sigma
-    for i, part in enumerate(groups.parts(term)):
-        own = slice(place, place + groups.width(part))
-        found[i] |= without_coefficients(model, own, scale) + hypotheses.priors.line > 0.0
-        place = own.stop
-    return [bool(changes) for changes in found]
-
-
 def _estimated(
-    hypotheses: HypothesisSet,
-    model: Posterior[Term],
-    term: Hypothesis,
-    old: tuple[float, float],
-    without_it: Posterior[Term],
-    others: Hypothesis,
+    hypotheses: HypothesisSet, model: Posterior[Term], others: Hypothesis, old: tuple[float, float]
 ) -> tuple[float, float]:
-    """A line's period given the other lines, and its standard deviation; the old ones where no other is distinguished.
-
-    ``model``, ``term``: with the line. ``without_it``, ``others``: without it. One step of Newton's method where it is short.
-    """
+    """A line's period given the other lines, and its standard deviation; the old ones where no other is distinguished."""
     scan = hypotheses.scan(others.template)
-    if len(others.values) < FEW_LINES:
-        found = scan.best(without_it, others.values)
-        return old if found.gain <= NO_GAIN else (found.value, found.sigma)
-    at = model.terms.index(term)
-    parts = hypotheses.groups.parts(term)
-    before = term.values.index(old[0])
-    first = sum(model.widths[:at]) + sum(hypotheses.groups.width(part) for part in parts[:before])
-    (value,), (sigma,) = scan.improved(model, old[:1], first)
-    short = max(abs(value - old[0]), sigma) < SHORT_STEP * scan.step(old[0])
-    if short and scan.resolved(np.array([value]), others.values).all():
-        return float(value), float(sigma)
-    found = scan.near(without_it, old[0], others.values)
+    few = len(others.values) < FEW_LINES
+    found = scan.best(model, others.values) if few else scan.near(model, old[0], others.values)
     return old if found.gain <= NO_GAIN else (found.value, found.sigma)
 
 

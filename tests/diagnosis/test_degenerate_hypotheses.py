@@ -92,9 +92,7 @@ def problems(draw: st.DrawFn) -> HypothesisSet:
     periods = draw(st.lists(st.sampled_from([2.0 * np.pi, 3.0, 2.0, 1.0, 0.7, 0.5, 0.4]), min_size=1, max_size=9))
     lines = Lines(periods, draw(st.sampled_from([0.0, 0.5, 2.0, 50.0])))
     scanned = [Hypothesis(lines, site) for site in at.robot.sites[: draw(st.integers(0, 2))]]
-    smooth = (
-        [(SmoothTerm("arm", ("time",), "tip"), design.columns(linear[-1].basis(at)))] if draw(st.booleans()) else []
-    )
+    smooth = [(SmoothTerm("arm", ("time",), "tip"), linear[-1].basis(at))] if draw(st.booleans()) else []
     # Geometry of any rank: columns of hypotheses, and zeros.
     B = np.hstack([design.columns(h.basis(at)) for h in linear[: draw(st.integers(0, 2))]] + [np.zeros((3 * ROWS, 1))])
     true = rng.choice(len(linear) + len(scanned), 2)
@@ -225,7 +223,7 @@ def test_many_that_explain_a_little_less_than_a_cause_are_no_smooth_term() -> No
     known += [Hypothesis(Drawn(own + 0.3 * off, i), at.robot.sites[1]) for i in range(1, 80)]
     y = 3.0 * design.columns(known[0].basis(at))[:, 0] + rng.standard_normal(180)
     term, moved = SmoothTerm(at.robot.sites[2], ("q3",), "along"), along_track(at, at.robot.sites[2], apart, np.ones(1))
-    hypotheses = HypothesisSet(replace(design, y=y), known, (), [(term, design.columns(moved))], SCOPE)
+    hypotheses = HypothesisSet(replace(design, y=y), known, (), [(term, moved)], SCOPE)
     found = decide(hypotheses)
     ((cause, members),) = found.classes.items()
     every = ranked(hypotheses, found.model, cause)

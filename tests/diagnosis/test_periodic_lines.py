@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.diagnosis import noise
+from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.scan import FittedLines
 from gtpin.diagnosis.search import rough_guess
@@ -273,9 +274,9 @@ def test_what_is_left_of_the_gap_is_noise(found):
 def test_only_a_long_model_stays_with_few_poses(most, is_long, monkeypatch):
     data, seen = with_lines(3), []
 
-    def spied(hypotheses, *given, **named):
+    def spied(hypotheses, before=NOTHING):
         seen.append(len(hypotheses.design.operating_points))
-        return rough_guess(hypotheses, *given, **named)
+        return rough_guess(hypotheses, before)
 
     monkeypatch.setattr(noise, "FEW_POSES", 150)
     monkeypatch.setattr(noise, "MOST_TERMS", most)

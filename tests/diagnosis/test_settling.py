@@ -78,7 +78,7 @@ def test_a_cause_alone_in_its_class_is_distinguished_from_the_next_hypothesis() 
     known = Known(observed, baseline.model, observed.operating_points(baseline.model).references)
     design = observed.design(baseline.model)
     cause, *others = (hypothesis(f"{name}@cart2") for name in ("linearity", "straightness", "backlash"))
-    smooth = [(term, design.columns(moved)) for term, moved in smooth_terms(design.operating_points, PRIORS)]
+    smooth = list(smooth_terms(design.operating_points, PRIORS))
     hypotheses = HypothesisSet(design, (cause, *others), (), smooth, every_effect())
     model = hypotheses.extended(NOTHING, cause)
     found = Conclusion(model, {cause: (ClassMember(cause, 0.7),)}, ())

@@ -141,7 +141,7 @@ class SearchedError(Exception):
     """There was a search."""
 
 
-def searched(*_: object, **__: object) -> None:
+def searched(*_: object) -> None:
     raise SearchedError
 
 
