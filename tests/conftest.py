@@ -41,8 +41,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Put the long files first; the others, and the tests of a file, stay in their order."""
     items.sort(key=lambda item: PLACE.get(item.path, len(PLACE)))
     if config.getoption("--one-of-each"):
-        first = {item.nodeid.partition("[")[0]: item for item in reversed(items)}
-        config.hook.pytest_deselected(
-            items=[item for item in items if first[item.nodeid.partition("[")[0]] is not item]
-        )
-        items[:] = [item for item in items if first[item.nodeid.partition("[")[0]] is item]
+        chosen = {item.nodeid.partition("[")[0]: item for item in reversed(items)}.values()
+        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
+        items[:] = reversed(chosen)

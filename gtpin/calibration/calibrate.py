@@ -174,9 +174,10 @@ def calibrate(
         else:
             check_actuators(robot, dataset)
             geometry = model_geometry(model, robot, dataset, orientations=orientations)
-        if both := [name for name in fixed if name in free]:
+        freed = {free} if isinstance(free, str) else set(free)
+        if both := [name for name in fixed if name in freed]:
             raise ModelError(f"{both[0]} is to be held and freed", hint="name it in fix or in free")
-        geometry = geometry.freed(free).holding(fixed)
+        geometry = geometry.freed(freed).holding(fixed)
         limits = _checked_bounds(bounds or {}, (*geometry.names, *fixed))
         if poses is not None:
             data = thinned(data, geometry, poses)
@@ -187,12 +188,13 @@ def calibrate(
             chosen = geometry
             while limits:
                 with unheard():
-                    free = fitted(chosen, None)
-                if (beyond := _beyond(free, limits)) is None:
+                    unbounded = fitted(chosen, None)
+                if (beyond := _beyond(unbounded, limits)) is None:
                     break
                 name, end = beyond
-                off = abs(free[name].value - end) / free[name].sigma
-                where = f"the data put it at {free[name].value:.7g} +- {free[name].sigma:.2g}, {off:.2g} sigmas outside"
+                own = unbounded[name]
+                off = abs(own.value - end) / own.sigma
+                where = f"the data put it at {own.value:.7g} +- {own.sigma:.2g}, {off:.2g} sigmas outside"
                 warn(f"{name} is held at {end:g}, the end of its bounds: {where}")
                 chosen = chosen.holding({name: end})
             return fitted(chosen, watched)

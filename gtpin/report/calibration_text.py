@@ -67,7 +67,7 @@ def exact_scales(c: Calibration) -> list[str]:
     if not geometry.robot.rods or any(p.drive is not None for p, _ in geometry.all_deviations):
         return []
     return [
-        "The scales of the drives are taken as exact: other parameters take up their errors, by more than their sigmas. In "
+        "The scales of the drives are taken as exact: other parameters take up their errors, and no sigma contains them. In "
         'Python calibrate(dataset, scale="actuator") identifies them too.'
     ]
 
@@ -88,7 +88,7 @@ def best_frame(c: Calibration) -> str:
     free = not c.model.frame.is_base or any(table.frame == "free" for table in trackers)
     if free:
         return " after the best fit of the frame"
-    return " after the best fit of where the instruments stand" if c.unknowns else ""
+    return " after the best fit of the instruments' unknowns" if c.unknowns else ""
 
 
 def nominal_words(c: Calibration) -> str:

@@ -45,7 +45,7 @@ CHANCE = 0.01
 PLACES = 2
 """Most places of an unknown error that its headline names."""
 NEARLY = 0.8
-"""Share of what the best mechanism explains from which another one is named with it."""
+"""Share of the squares that the best mechanism explains from which another one is named with it."""
 LISTED = 5
 """Number of listed effects that could be the unknown cause."""
 

@@ -144,14 +144,23 @@ def test_a_geometry_that_no_table_has_exactly_is_reported_to_first_order_and_not
 ) -> None:
     plain = gtpin.read_model("ur5")
     size = plain.geometry.tolerance
-    off = plain.geometry.values + size * np.random.default_rng(0).standard_normal(len(size))
-    model = replace(plain, geometry=plain.geometry.with_values(off), covariance=np.diag(0.1 * size**2))
-    exact = np.array([p.correction for p in controller_table(model)])
+    rng = np.random.default_rng(0)
+    off, q = size * rng.standard_normal(len(size)), rng.uniform(-2.0, 2.0, (100, 6))
+    J = plain.kinematics.geometry_jacobian(q, plain.kinematics.forward(q))[:, :6].reshape(600, -1) * size / 1e-5
+    covariance = np.linalg.inv(J.T @ J + np.eye(len(size))) * np.outer(size, size)  # of poses read to 10 um and 10 urad
+
+    def calibrated(share: float) -> gtpin.Model:
+        geometry = plain.geometry.with_values(plain.geometry.values + share * off)
+        return replace(plain, geometry=geometry, covariance=covariance)
+
+    def corrections(share: float) -> np.ndarray:
+        return np.array([p.correction for p in controller_table(calibrated(share))])
+
+    exact = [corrections(share) for share in (1.0, 0.1)]
     monkeypatch.setattr("gtpin.model.dh_chain.STEPS", 1)
-    first = np.array([p.correction for p in controller_table(model)])
-    assert (
-        0.0 < np.abs(first - exact).max() < 5e-3
-    )  # m, rad: along parallel axes hardly anything determines the offsets
+    large, small = (np.abs(corrections(share) - one).max() for share, one in zip((1.0, 0.1), exact, strict=True))
+    assert 0.0 < small < large / 50.0  # an error of second order: a hundredth
+    model = calibrated(1.0)
     with pytest.raises(gtpin.GtpinError, match="has not converged in 1 steps; export a URDF"):
         export(model, tmp_path / "dh.csv", "dh")
 

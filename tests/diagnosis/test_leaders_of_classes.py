@@ -44,7 +44,7 @@ def test_two_joints_that_give_way_lead_their_classes(seed: int) -> None:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 @pytest.mark.parametrize("seed", range(3))
-def test_backlash_stays_certain_beside_a_cause_of_several_names_and_something_unknown(seed: int) -> None:
+def test_backlash_is_named_beside_a_cause_of_several_names_and_something_unknown(seed: int) -> None:
     """By Pinocchio alone: a joint that gives way, which a link and a bearing explain as well, and a wrist that errs by the
     difference of two others' angles, which nothing of the catalogue does."""
     robot = gtpin.load_robot("ur10")
@@ -64,5 +64,5 @@ def test_backlash_stays_certain_beside_a_cause_of_several_names_and_something_un
     columns = {f"approach{j + 1}": approach[:, j] for j in range(6)}
     names = [f"p{i}" for i in range(180)]
     found = gtpin.diagnose(gtpin.Dataset("ur10", names, q, T, None, columns, {"position_sigma": NOISE}))
-    sure = {(cause.effect, cause.site) for cause in found.causes if cause.probability > 0.8}
-    assert ("backlash", "shoulder_pan_joint") in sure
+    likely = {(cause.effect, cause.site) for cause in found.causes if cause.probability > 0.8}
+    assert ("backlash", "shoulder_pan_joint") in likely
