@@ -12,8 +12,7 @@ from paper_table1 import expected_table1
 from paper_tables import tables
 from scipy.spatial.transform import Rotation
 
-from gtpin.accuracy.sensitivity import STEP, sensitivity, step_sums
-from gtpin.accuracy.small_errors import PARAMETERS, SmallError
+from gtpin.accuracy.sensitivity import PARAMETERS, STEP, SmallError, sensitivity, step_sums
 from gtpin.kinematics.kinematics import reached_poses
 from gtpin.kinematics.rotations import zyz
 from gtpin.model.model import Model

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 from paper_steps import StepChange
 
-from gtpin.comparison.result import Comparison
+from gtpin.comparison.compare import Comparison
 from gtpin.data import CartMeasurements
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import zyz

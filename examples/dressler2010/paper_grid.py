@@ -10,8 +10,7 @@ import numpy.typing as npt
 from paper_tables import tables
 from scipy.optimize import least_squares
 
-from gtpin.accuracy.sensitivity import STEP
-from gtpin.accuracy.small_errors import PARAMETERS, of_rod
+from gtpin.accuracy.sensitivity import PARAMETERS, STEP, of_rod
 from gtpin.errors import UnreachableError
 from gtpin.kinematics.inverse import commands_for
 from gtpin.kinematics.kinematics import Kinematics
@@ -148,7 +147,7 @@ def _step_slopes(kinematics: Kinematics, q: Floats, poses: Poses, parameters: tu
     """Size of the TCP's motion per unit of each parameter of each rod, from the Jacobian.
 
     ``q``, ``poses``: (N, n) commands, m or rad, and (N) their poses, base frame. ``parameters``: some of
-    :data:`~gtpin.accuracy.small_errors.PARAMETERS`; results are NaN where a rod has no such parameter.
+    :data:`~gtpin.accuracy.sensitivity.PARAMETERS`; results are NaN where a rod has no such parameter.
 
     Returns (N, len(parameters), k) each: length of the TCP's displacement, and sum of the absolute changes of the ZYZ
     angles.

@@ -9,8 +9,7 @@ import numpy.typing as npt
 from paper_closures import closure_residual, with_rods
 
 from gtpin.accuracy.expected import closure_response
-from gtpin.accuracy.sensitivity import STEP, rod_names
-from gtpin.accuracy.small_errors import PARAMETERS, of_rod
+from gtpin.accuracy.sensitivity import PARAMETERS, STEP, of_rod, rod_names
 from gtpin.errors import ModelError
 from gtpin.kinematics.kinematics import reached_poses
 from gtpin.kinematics.poses import Poses
@@ -69,7 +68,7 @@ def step_change(model: Model, q: Floats, measured: Poses, parameter: str, link: 
     measured
         (N) poses measured there, base frame.
     parameter, link
-        One of :data:`~gtpin.accuracy.small_errors.PARAMETERS`, and the name of a rod.
+        One of :data:`~gtpin.accuracy.sensitivity.PARAMETERS`, and the name of a rod.
 
     Raises
     ------

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Group, RenderableType
 
-from gtpin.comparison.result import Comparison
+from gtpin.comparison.compare import Comparison
 from gtpin.data import CartMeasurements
 from gtpin.errors import DatasetError
 from gtpin.model.measured_robot import robot_of

@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gtpin.diagnosis.result import Diagnosis, HealthCheck
+import numpy as np
+
+from gtpin.diagnosis.result import Cause, Diagnosis, Gap, HealthCheck, Member
+from gtpin.effects.sites import joints
 from gtpin.errors import GtpinError
 from gtpin.model.model import Model
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
 from gtpin.report.calibration import UNKNOWN
 from gtpin.report.calibration_text import IN_DOUBT, best_frame, nominal_words
-from gtpin.report.diagnosis_json import diagnosis_json
 from gtpin.report.effect_curves import curve_drawing, drawn_curves
 from gtpin.report.figure import alone
 from gtpin.report.geometry import departures_of, geometry_line, geometry_table
 from gtpin.report.next_experiment import FOLDER, write_experiments
 from gtpin.report.page import Lead, Table, provenance
-from gtpin.report.phrases import cause_rows, named, parameter_rows
+from gtpin.report.phrases import cause_rows, named, parameter_rows, reason_words
 from gtpin.report.sections import FitPresentation
+from gtpin.report.sections.data import gap_method
 from gtpin.report.sketch import drawing
 from gtpin.report.steps import steps
 from gtpin.report.verdict import gap_words, verdict
-from gtpin.report.why import why_content
+from gtpin.report.why import why_content, why_json
 from gtpin.report.words import chance, percent, quantity, site_words
 from gtpin.threads import in_one_thread
 
@@ -169,3 +173,103 @@ def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
         between = f", 95 %: {percent(d.gap.interval[0])} to {percent(d.gap.interval[1])}" if d.gap.interval else ""
         numbers.append((percent(d.gap.explained_fraction), f"of the gap's power beyond noise is explained{between}"))
     return numbers
+
+
+def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
+    """The content of ``diagnosis.json``."""
+    none, where, unexplained, best = d.verdict == "none", d.where, d.unexplained, d.unexplained.best_known
+    geometry = [
+        _of(one, "value", "sigma", "unit", "position_rms") | {"parameter": one.name}
+        for one in (departures_of(d) if isinstance(d, Diagnosis) else ())
+    ]
+    regions = [{"box": np.asarray(box).tolist(), "share": share} for box, share in where.region]
+    return {
+        "schema": "gtpin-diagnosis/1",
+        "verdict": d.verdict,
+        "causes": [_cause(c) for c in d.causes],
+        "also": [_of(one, "site", "rms") | {"class": _class(one.members)} for one in d.also],
+        "candidates": [
+            _of(c, "effect", "site", "log_evidence", "probability", "testable")
+            | {"reason": reason_words(c.reason, c.site)}
+            for c in d.candidates
+        ],
+        "where": _of(where, "rod", "site", "axis", "covariate") | {"region": regions, "geometry": geometry},
+        "gap": {
+            **_errors(d.gap),
+            "shrinkage": None if none else d.gap.explained_fraction,
+            "interval": None if none or d.gap.interval is None else list(d.gap.interval),
+            "method": gap_method(d.gap),
+            **_turns(d),
+        },
+        "unexplained": {
+            **_of(unexplained, "share", "p_value"),
+            "correlates": [
+                {"site": o.site, "covariate": o.coordinates, "p_value": o.p_value} for o in unexplained.correlates
+            ],
+            "descriptions": [
+                _of(t, "effect", "site") | {"over": list(t.over)} | _of(t, "rms", "probability")
+                for t in unexplained.descriptions
+            ],
+            "could_be": [_place(place) | {"position_rms_after": left} for place, left in unexplained.could_be.items()],
+            "leaders": [_of(one, "effect", "site", "log_evidence", "left") for one in unexplained.leaders],
+            "best_known": best and {"effects": [_place(place) for place in best.effects], "left": best.left},
+            "jumps": list(unexplained.jumps),
+            "questions": [
+                _of(q, "effect", "site", "parameter", "value", "sigma", "unit")
+                | {"expected": [end if np.isfinite(end) else None for end in (q.low, q.high)]}
+                | _of(q, "why", "believed")
+                for q in d.questions
+            ],
+        },
+        "rows": d.dataset.rows_used,
+        "next_experiment": [e.to_json() for e in d.next_experiment],
+        "warnings": list(d.warnings),
+        **({"why": why_json(d, d.why)} if isinstance(d, Diagnosis) and d.why is not None else {}),
+    }
+
+
+def _of(one: object, *names: str) -> dict[str, Any]:
+    return {name: getattr(one, name) for name in names}
+
+
+def _place(place: tuple[str, str]) -> dict[str, str]:
+    return dict(zip(("effect", "site"), place, strict=True))
+
+
+def _class(members: Iterable[Member]) -> list[dict[str, Any]]:
+    return [_of(m, "effect", "site", "probability") for m in members]
+
+
+def _cause(c: Cause) -> dict[str, Any]:
+    return {
+        **_of(c, "effect", "site", "probability"),
+        "class": _class(c.members),
+        "parameters": {name: _of(e, "value", "sigma", "unit") for name, e in c.parameters.items()},
+        "shrinkage": c.explained_fraction,
+        "nature": c.nature,
+        "share": c.share,
+    }
+
+
+def _errors(gap: Gap) -> dict[str, Any]:
+    """Position errors, those of the first tracker where there are several instruments, and errors of each instrument."""
+    known, by_instrument = ("before", "after", "floor", "inferred"), gap.by_instrument
+    keys = ("position_rms_before", "position_rms_after", "noise_floor", "noise_inferred")
+    whose = next((one for one in by_instrument if one.kind == "tracker"), None) if by_instrument else gap
+    found: dict[str, Any] = {key: getattr(whose, name, None) for key, name in zip(keys, known, strict=True)}
+    if by_instrument:
+        keys = ("rms_before", "rms_after", "noise_floor", "noise_inferred")
+        found["by_instrument"] = {
+            one.name: {key: getattr(one, name) for key, name in zip(keys, known, strict=True)} | {"unit": one.unit}
+            for one in by_instrument
+        }
+    return found
+
+
+def _turns(d: Diagnosis | HealthCheck) -> dict[str, float]:
+    """Orientation errors on left-out poses, rad; only for robots without rods, whose wrists rotate the tool and hardly shift
+    it."""
+    if d.gap.turns is None or not joints(d.model.robot):
+        return {}
+    before, after, floor = d.gap.turns.before, d.gap.turns.after, d.gap.turns.floor
+    return {"orientation_rms_before": before, "orientation_rms_after": after, "orientation_noise_floor": floor}

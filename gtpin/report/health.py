@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gtpin.diagnosis.result import HealthCheck
-from gtpin.report.diagnosis import DIAGNOSIS, write_findings
-from gtpin.report.diagnosis_json import diagnosis_json
+from gtpin.report.diagnosis import DIAGNOSIS, diagnosis_json, write_findings
 from gtpin.report.page import Lead, PagePresentation, Section, Table, provenance
 from gtpin.report.phrases import (
     badge,

@@ -5,8 +5,7 @@ import pytest
 from accuracy_machines import LINKS, MODEL, NOMINAL, commands, drawn_measurements, other, stepped
 from scipy.spatial.transform import Rotation
 
-from gtpin.accuracy.sensitivity import STEP, sensitivity
-from gtpin.accuracy.small_errors import PARAMETERS
+from gtpin.accuracy.sensitivity import PARAMETERS, STEP, sensitivity
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import zyz, zyz_change, zyz_rates

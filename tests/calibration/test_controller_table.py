@@ -157,7 +157,7 @@ def test_a_geometry_that_no_table_has_exactly_is_reported_to_first_order_and_not
         return np.array([p.correction for p in controller_table(calibrated(share))])
 
     exact = [corrections(share) for share in (1.0, 0.1)]
-    monkeypatch.setattr("gtpin.model.dh_chain.STEPS", 1)
+    monkeypatch.setattr("gtpin.model.dh.STEPS", 1)
     large, small = (np.abs(corrections(share) - one).max() for share, one in zip((1.0, 0.1), exact, strict=True))
     assert 0.0 < small < large / 50.0  # an error of second order: a hundredth
     model = calibrated(1.0)

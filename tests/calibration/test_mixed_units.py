@@ -7,7 +7,7 @@ import pytest
 from test_recognise import elsewhere, machine, refusal
 
 import gtpin
-from gtpin.calibration.checks.mixed_units import check_mixed_units
+from gtpin.calibration.checks.before_fit import check_mixed_units
 from gtpin.calibration.checks.readings import UNITS
 from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry

@@ -19,7 +19,7 @@ from paper_steps import drawn_measurements, step_change
 
 import gtpin
 from gtpin.accuracy.sensitivity import STEP
-from gtpin.comparison.result import Comparison, Held
+from gtpin.comparison.compare import Comparison, Held
 from gtpin.data import CartMeasurements
 from gtpin.errors import ModelError
 

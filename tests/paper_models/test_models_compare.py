@@ -9,9 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gtpin import Dataset
-from gtpin.comparison import result as comparing
-from gtpin.comparison.compare import compare
-from gtpin.comparison.result import Comparison, Held
+from gtpin.comparison import compare as comparing
+from gtpin.comparison.compare import Comparison, Held, compare
 from gtpin.data import CartMeasurements, InstrumentSection
 from gtpin.errors import DatasetError, GtpinWarning
 

@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 from scripts import load
 
 from gtpin import Dataset
-from gtpin.comparison.compare import compare
-from gtpin.comparison.result import Comparison
+from gtpin.comparison.compare import Comparison, compare
 from gtpin.data import CartMeasurements
 from gtpin.errors import GtpinWarning
 

@@ -15,7 +15,7 @@ from report_findings import text
 from gtpin import Geometry, Model, load_robot
 from gtpin.accuracy import workspace
 from gtpin.accuracy.analysis import Accuracy, analyse
-from gtpin.comparison.result import Comparison, Held
+from gtpin.comparison.compare import Comparison, Held
 from gtpin.data import CartMeasurements, Dataset
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning
 from gtpin.report.accuracy import AccuracyPresentation

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gtpin
+import gtpin.bench.simulator
 import gtpin.data
 import gtpin.effects
 from gtpin.bench.simulator import EffectTruth, make_case
@@ -18,6 +19,7 @@ from gtpin.effects.active import ActiveEffect
     ("module", "old", "new"),
     [
         (gtpin.data, "Instrument", "InstrumentSection"),
+        (gtpin.bench.simulator, "Noise", "SimulatedNoise"),
         (gtpin.effects, "Basis", "Displacement"),
         (gtpin.effects, "Range", "ParameterRange"),
         (gtpin.effects, "Situation", "OperatingPoints"),

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import contextlib
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from gtpin.bench.blind.baselines import fit_known_causes, fit_known_causes_to_readings, gaussian_process_positions
 from gtpin.bench.blind.difficulty import Best, Difficulty, true_parameters
 from gtpin.bench.blind.judged import Judged, Shrunk, Statement
 from gtpin.bench.blind.truth import SealError, TruePoses, Truth, opened
-from gtpin.bench.blind.worker import Outcome, readings_at
+from gtpin.bench.blind.worker import Outcome
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.result import Calibration
 from gtpin.data import Commands, Dataset
 from gtpin.data.instrument_tables import EncoderTable
 from gtpin.effects.catalogue import effects_by_id
-from gtpin.errors import ConvergenceError, GtpinError, GtpinWarning
+from gtpin.errors import GtpinError, GtpinWarning
 from gtpin.model.measured_robot import robot_of
 from gtpin.robot.chain import measured_joint
 from gtpin.threads import in_one_thread
@@ -41,10 +39,6 @@ def rms_of_readings(dataset: Dataset, truth: Truth, predicted: Mapping[str, list
 
 Left = Mapping[str, Best]
 """Energy of a true effect that every effect of the catalogue leaves, by ``effect@site``."""
-
-CAUSES_GIVEN = frozenset({"one", "two"})
-SMOOTHED = frozenset({"one"})
-"""Kinds of cases on which the baselines (a fit to which the causes are given, a Gaussian process) are computed."""
 
 
 @in_one_thread
@@ -100,12 +94,9 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
         "planned": len(np.unique(dataset.visits)),
         "testable": all(n in covariates and len(np.unique(covariates[n])) > 1 for n in needs),
     }
-    lefts: list[Left] = []
-    baseline: Calibration | None = None
     if gradable(dataset, truth):
-        baseline = calibrate(dataset)
-        difficulty = difficulty_of(dataset, truth, baseline)
-        lefts = [difficulty.left(np.array(effect.displacement)) for effect in truth.effects]
+        difficulty = difficulty_of(dataset, truth, calibrate(dataset))
+        lefts: list[Left] = [difficulty.left(np.array(effect.displacement)) for effect in truth.effects]
         # The wrong effect that leaves the least energy of each effect, and its D.
         pairs = list(zip(found.truth, lefts, strict=True))
         rivals = [min((n for n in left if n != effect.name), key=lambda n: left[n].left) for effect, left in pairs]
@@ -128,48 +119,21 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
                 rows += [(name, value, sigma, true[name]) for name, (value, sigma) in own if name in true]
         changes["parameters"] = tuple(rows)
     if outcome.model is not None or outcome.model_readings:
-        changes["shrunk"] = _shrunk(folder, dataset, truth, outcome, lefts, baseline)
+        changes["shrunk"] = _shrunk(folder, dataset, truth, outcome)
     return found.model_copy(update=changes)
 
 
-def _shrunk(
-    folder: Path, dataset: Dataset, truth: Truth, outcome: Outcome, lefts: list[Left], baseline: Calibration | None
-) -> Shrunk | None:
+def _shrunk(folder: Path, dataset: Dataset, truth: Truth, outcome: Outcome) -> Shrunk | None:
     """Errors of positions, or of all readings in units of their noise, at held-out commands, where known and predicted."""
     before, after, true = outcome.baseline, outcome.model, truth.poses
-    commands, causes = Commands.read(folder / "commands.csv", dataset.n_actuators), _causes(truth, lefts)
-    changes: dict[str, object] = {}
     if before is not None and after is not None and true is not None:
-        T = _true_positions(commands, true)
-        found = Shrunk(before=_rms(np.array(before) - T), after=_rms(np.array(after) - T))
-        # Both baselines are fitted to poses in the robot's frame.
-        in_robot = dataset.instrument.frame != "free" and not dataset.readings.names
-        if baseline is None or truth.kind not in CAUSES_GIVEN or not in_robot:
-            return found
-        if causes:
-            model = fit_known_causes(dataset, baseline, causes)
-            changes["knowing"] = _rms(model.predict(commands.q, commands.covariates).T - T)
-        if truth.kind in SMOOTHED:
-            changes["smoothed"] = _rms(gaussian_process_positions(dataset, baseline.model, commands) - T)
-    elif truth.readings and outcome.model_readings:
+        T = _true_positions(Commands.read(folder / "commands.csv", dataset.n_actuators), true)
+        return Shrunk(before=_rms(np.array(before) - T), after=_rms(np.array(after) - T))
+    if truth.readings and outcome.model_readings:
         both = (outcome.baseline_readings, outcome.model_readings)
         before_rms, after_rms = (rms_of_readings(dataset, truth, predicted) for predicted in both)
-        found = Shrunk(before=before_rms, after=after_rms)
-        if baseline is None or truth.kind not in CAUSES_GIVEN or not causes:
-            return found
-        with contextlib.suppress(ConvergenceError):
-            model = fit_known_causes_to_readings(dataset, noise_of(truth), baseline, causes)
-            changes["knowing"] = rms_of_readings(dataset, truth, readings_at(model, folder, commands))
-    else:
-        return None
-    return found.model_copy(update=changes)
-
-
-def _causes(truth: Truth, lefts: Sequence[Left]) -> list[Best]:
-    """The true effects in the forms that fit them best; empty where one is not in the catalogue or D can't be computed."""
-    pairs = list(zip(truth.effects, lefts, strict=True)) if lefts else []
-    known = all(effect.name in left for effect, left in pairs)
-    return [left[effect.name] for effect, left in pairs] if known else []
+        return Shrunk(before=before_rms, after=after_rms)
+    return None
 
 
 def _true_positions(commands: Commands, poses: TruePoses) -> Floats:

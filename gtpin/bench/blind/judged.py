@@ -29,7 +29,6 @@ class Statement(BaseModel, frozen=True):
     verdict: Literal["none", "explained", "ambiguous", "unknown"]
     causes: tuple[Named, ...] = ()  # The largest first
     site: str = ""  # Site with the largest share in ``where``; empty if all shares are zero
-    top: str = ""  # Candidate with the largest log evidence; empty without candidates
     explained_fraction: float | None = None
     interval: tuple[float, float] | None = None
 
@@ -52,8 +51,6 @@ class Statement(BaseModel, frozen=True):
         """Read the content of ``diagnosis.json``."""
         shares, gap = diagnosis["where"]["site"], diagnosis["gap"]
         leading = max(shares, key=lambda site: shares[site], default="")
-        candidates = [c for c in diagnosis["candidates"] if c["testable"]]
-        top = max(candidates, key=lambda c: c["log_evidence"], default=None)
 
         def name(record: Mapping[str, Any]) -> str:
             return f"{record['effect']}@{record['site']}"
@@ -71,7 +68,6 @@ class Statement(BaseModel, frozen=True):
             verdict=diagnosis["verdict"],
             causes=tuple(causes),
             site=leading if leading and shares[leading] > 0.0 else "",
-            top=name(top) if top else "",
             explained_fraction=gap["shrinkage"],
             interval=gap["interval"],
         )
@@ -89,8 +85,6 @@ class Shrunk(BaseModel, frozen=True):
 
     before: float  # Of the geometry alone
     after: float  # Of the model with the named causes
-    knowing: float | None = None  # Of a fit to which the true causes are given; None without one
-    smoothed: float | None = None  # Of a Gaussian process that names no cause; None if it was not fitted
 
     @property
     def share(self) -> float:

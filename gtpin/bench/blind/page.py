@@ -120,7 +120,6 @@ def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
         Section("effects", "By effect", by_effect),
         Section("instruments", "By instrument", [ABOUT_INSTRUMENTS, instruments]),
         Section("probabilities", "Probabilities and explained fraction of the gap", probabilities),
-        Section("baselines", "Baselines", [ABOUT_BASELINES, baseline_table(result)]),
         Section("failures", "Failures, one by one", one_by_one if failures.rows else ["None."], "Failures"),
     ]
     if not instruments.rows:
@@ -149,8 +148,6 @@ ABOUT_INSTRUMENTS = """An effect with E of 63 or less counts as not visible to w
 need not find it. In the F1 of several effects it is left out, whether it is named or not; the last column says how many of
 the effects in cases with several are such. Fractions have Wilson's 95 % bounds, means (F1, shrinkage error) 1.96 standard
 errors."""
-ABOUT_BASELINES = """Methods to compare a diagnosis with, and a fit to which the true cause is given. Explained fraction:
-mean over the cases with a single effect for which all were computed, against the true poses at held-out commands."""
 
 
 def headline(result: Mapping[str, Any]) -> str:
@@ -224,19 +221,6 @@ def reliability_table(result: Mapping[str, Any]) -> Table:
         right, tenth = t["right"], f"{t['start']:.1f} .. {t['start'] + 0.1:.1f}"
         rows.append((tenth, number(t["said"]), number(right["value"]), bounds(right), str(right["of"])))
     return Table(("probability", "mean predicted", "correct", "95 %", "causes"), rows, range(1, 4))
-
-
-def baseline_table(result: Mapping[str, Any]) -> Table:
-    """Figures of the diagnosis and of each baseline, one row for each."""
-    columns = {
-        "strict": "correct, D > 63",
-        "set_f1": "F1 of two",
-        "false_alarm": "false alarms",
-        "misnamed": "unlisted misnamed",
-        "shrinkage": "explained fraction",
-    }
-    rows = [(name, *(number(row[key]["value"]) for key in columns)) for name, row in result["baselines"].items()]
-    return Table(("", *columns.values()), rows, range(1, 6))
 
 
 def failure_table(cases: Sequence[Judged]) -> Table:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from gtpin.bench.blind.judged import LEFT, VISIBLE, Judged, Named, Shrunk, Statement
+from gtpin.bench.blind.judged import LEFT, VISIBLE, Judged
 from gtpin.bench.blind.truth import Kind
 from gtpin.distributions import norm
 
@@ -56,7 +56,6 @@ def mean(values: Iterable[float]) -> Rate:
     return Rate(middle, middle - half, middle + half, int(found.size))
 
 
-MOST_AFTER = 1.3
 TENTHS = 10
 STATED = (0.5, 0.9, 0.99)
 """Probabilities at which risk and coverage are given."""
@@ -188,7 +187,6 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
     right = "cause and site right, nothing else named, D > 63"
     confident = rate(not c.error and not c.false_confident for c in weak)
     covered = (abs(value - true) <= 1.96 * sigma for c in cases for _, value, sigma, true in c.parameters)
-    ratios = [c.shrunk.after / c.shrunk.knowing for c in seen if c.shrunk and c.shrunk.knowing]
     off = [abs(t.predicted - t.right.value) for t in tenths(cases) if t.right.of >= 30 and t.right.value is not None]
     farthest = Rate(max(off, default=None), None, None, len(off))
     # A member of the class that does not fit the true effect.
@@ -223,8 +221,6 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         Figure("shrinkage said less realised, absolute", absolute_error(cases), most=0.05),
         Figure("shrinkage said less realised", mean(overstated(cases))),
         Figure("95 % interval of shrinkage covers", coverage(cases), least=0.90),
-        Figure("gap after over that of a fit that knows the cause, E > 63", mean(ratios), most=MOST_AFTER),
-        Figure("of these, at most 1.3", rate(ratio <= MOST_AFTER for ratio in ratios)),
         Figure("95 % intervals of parameters cover", rate(covered)),
     ]
 
@@ -292,7 +288,6 @@ def score(cases: Sequence[Judged], about: Mapping[str, Any] | None = None) -> di
         "by_effect": by_effect(cases),
         "kinds": dict(sorted(Counter(c.kind or "broken seal" for c in cases).items())),
         "figures": [figure.to_json() for figure in figures(cases)],
-        "baselines": baselines(cases),
         "confusion": confusion(one),
         "reliability": {
             name: [{"start": t.start, "said": t.predicted, "right": t.right.to_json()} for t in tenths(cases, members)]
@@ -403,41 +398,3 @@ def power(cases: Sequence[Judged], numbers: Sequence[int]) -> list[Found]:
 def matched_filter(noncentrality: float) -> float:
     """Detection probability of a filter that knows the effect's shape and sign, at 1 % false alarms; 95 % at E = 15.8."""
     return float(norm.sf(norm.isf(FALSE_ALARM) - np.sqrt(noncentrality)))
-
-
-def baselines(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
-    """Scores of the diagnosis and of its baselines, by the baseline's name and the figure's name."""
-    silent = [_naming(c, "") for c in cases]
-    largest = [_naming(c, c.said.top if c.said else "") for c in cases]
-    return {
-        "diagnosis": _row(cases, cases, lambda shrunk: shrunk.after),
-        "geometry only": _row(silent, cases, lambda shrunk: shrunk.before),
-        "Gaussian process": _row(silent, cases, lambda shrunk: shrunk.smoothed),
-        "largest score": _row(largest, cases, None),
-        "knows the cause": _row([], cases, lambda shrunk: shrunk.knowing),
-    }
-
-
-def _row(
-    cases: Sequence[Judged], every: Sequence[Judged], after: Callable[[Shrunk], float | None] | None
-) -> dict[str, Any]:
-    """Figures of a baseline: of the causes that it names in ``cases``, and of its errors in all of them."""
-    shares = [
-        1.0 - (left / c.shrunk.before) ** 2
-        for c in of_kind(every, "one")
-        if c.shrunk and after and c.shrunk.smoothed and c.shrunk.knowing and (left := after(c.shrunk)) is not None
-    ]
-    found = {
-        "strict": rate(c.strict for c in of_kind(cases, "one") if c.leaves > VISIBLE),
-        "set_f1": mean(c.f1 for c in of_kind(cases, "two")),
-        "false_alarm": rate(bool(c.said and c.said.causes) for c in of_kind(cases, "none")),
-        "misnamed": rate(bool(c.false_names) for c in of_kind(cases, "unlisted")),
-        "shrinkage": mean(shares),
-    }
-    return {name: one.to_json() for name, one in found.items()}
-
-
-def _naming(case: Judged, name: str) -> Judged:
-    """The case with a diagnosis that names one cause, or nothing where the name is empty."""
-    causes = (Named(name=name, probability=1.0, members={name: 1.0}),) if name else ()
-    return case.model_copy(update={"said": Statement(verdict="explained" if name else "none", causes=causes)})

@@ -6,7 +6,7 @@ from gtpin.bench.simulator.instruments.build import build_measured, simulate_mea
 from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise, digest
 from gtpin.bench.simulator.simulate import Simulation, simulate
 from gtpin.bench.simulator.truth import Case, EffectTruth, InstrumentCase
-from gtpin.errors import warn
+from gtpin.errors import renamed_names
 
 __all__ = [
     "Case",
@@ -25,12 +25,6 @@ __all__ = [
     "simulate_scenario",
 ]
 
-_OLD = {"Conditions": SimulatedConditions, "Noise": SimulatedNoise, "Truth": EffectTruth}
-"""Names until 0.4."""
-
-
-def __getattr__(name: str) -> object:
-    if name not in _OLD:
-        raise AttributeError(f"module 'gtpin.bench.simulator' has no attribute {name!r}")
-    warn(f"{name} is now called {_OLD[name].__name__}; the old name goes with version 0.4", DeprecationWarning)
-    return _OLD[name]
+__getattr__ = renamed_names(
+    __name__, {"Conditions": "SimulatedConditions", "Noise": "SimulatedNoise", "Truth": "EffectTruth"}
+)

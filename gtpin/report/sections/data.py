@@ -10,13 +10,13 @@ from gtpin.calibration.problem import measured_poses
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.data.names import lookalikes
-from gtpin.diagnosis.result import Diagnosis
+from gtpin.diagnosis.gap import BLOCK_POSES, PREDICTED_POSES
+from gtpin.diagnosis.result import Diagnosis, Gap
 from gtpin.report.calibration_text import cannot_judge, noise_words, repeatability_words, scatters
-from gtpin.report.diagnosis_json import gap_method
 from gtpin.report.page import Block, Fold, Heading, Section, Table
 from gtpin.report.residuals import columns_of
 from gtpin.report.sections import FitPresentation, section
-from gtpin.report.words import counted, covariate_unit, joined, length, quantity, whole, with_unit
+from gtpin.report.words import counted, covariate_unit, joined, length, number_word, quantity, whole, with_unit
 
 ALIKE = 0.02
 """Largest relative difference of two noise floors that count as equal."""
@@ -121,3 +121,20 @@ def _two_floors(d: Diagnosis) -> str:
         f"Noise alone is {length(d.gap.floor)}, as left-out poses show it given the causes; the calibration counts "
         f"{length(calibrated)} as noise."
     )
+
+
+def gap_method(gap: Gap) -> str:
+    """How the gap on left-out poses was computed, in words."""
+    left_out = {
+        "region": f"{number_word(BLOCK_POSES)} neighbouring poses",
+        "session": f"each of {gap.blocks} sessions",
+        "time": f"each of {gap.blocks} stretches of time",
+        "random": f"{number_word(BLOCK_POSES)} poses drawn at random",
+    }
+    fitted = "by the uncertainty of what was fitted"
+    other = f"what {PREDICTED_POSES} other poses may show, {fitted}"
+    if gap.hold_out == "session":
+        other = f"what another session may show, {fitted} and how much the {gap.blocks} differ"
+    if gap.sessions < 2:
+        other += "; the data are of one session, as far as is known, so that the interval ignores changes between days"
+    return f"{left_out[gap.hold_out]} left out in turn; interval: {other}"

@@ -36,22 +36,15 @@ def diagnosis(
     verdict: str,
     *causes: Mapping[str, Any],
     site: str = "cart1",
-    top: str = "linearity@cart1",
     explained_fraction: float | None = None,
     interval: tuple[float, float] | None = None,
 ) -> dict[str, Any]:
     """The content of a ``diagnosis.json``, as the contract has it."""
-    rows = ((top, 5.0, 0.5, True), ("backlash@cart3", 1.0, 0.1, True), ("servo_lag@cart1", 9.0, 0.0, False))
-    keys = ("effect", "site", "log_evidence", "probability", "testable", "reason")
-    candidates = [
-        dict(zip(keys, (*name.split("@"), evidence, probability, testable, "" if testable else "x"), strict=True))
-        for name, evidence, probability, testable in rows
-    ]
     return {
         "schema": "gtpin-diagnosis/1",
         "verdict": verdict,
         "causes": list(causes),
-        "candidates": candidates,
+        "candidates": [],
         "where": {"rod": {}, "site": {site: 0.7, "frame": 0.3}, "axis": {}, "covariate": {}, "region": []},
         "gap": {"shrinkage": explained_fraction, "interval": interval},
         "unexplained": {},

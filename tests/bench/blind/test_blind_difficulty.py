@@ -1,11 +1,10 @@
-"""E, D and true parameters against their definitions, and the baselines on a machine whose effect is known."""
+"""E, D and true parameters against their definitions."""
 
 import numpy as np
 import pytest
 from handmade import left_by_definition
 
 from gtpin import Geometry, load_robot
-from gtpin.bench.blind.baselines import fit_known_causes, gaussian_process_positions
 from gtpin.bench.blind.difficulty import Difficulty, true_parameters
 from gtpin.bench.simulator.case import Case, make_case
 from gtpin.bench.simulator.recipe import SimulatedConditions
@@ -81,23 +80,6 @@ def test_an_effect_leaves_next_to_nothing_of_its_own_textbook_form(difficulty: D
         found = difficulty.left(displacement)[f"{effect}@{site}"]
         assert found.left < 0.01 * difficulty.noncentrality(displacement)
         assert shape_parameter is None or found.shape_parameter == pytest.approx(shape_parameter, rel=0.05)
-
-
-def test_who_knows_the_cause_is_nearer_to_the_truth_than_the_geometry_and_who_smooths(
-    linearity: tuple[Case, Calibration], difficulty: Difficulty
-) -> None:
-    case, baseline = linearity
-    best = difficulty.left(case.effects[0].displacement)["linearity@cart2"]
-    model = fit_known_causes(case.dataset, baseline, [best])
-
-    def off(T: np.ndarray) -> float:
-        return float(np.sqrt(((T - case.truth.T) ** 2).sum(axis=1).mean()))
-
-    geometry = off(baseline.model.predict(case.commands.q).T)
-    known = off(model.predict(case.commands.q, case.commands.covariates).T)
-    smooth = off(gaussian_process_positions(case.dataset, baseline.model, case.commands))
-    assert known < 0.7 * geometry
-    assert known < smooth < geometry
 
 
 # A fit of effect and geometry together to noise-free data.

@@ -15,7 +15,6 @@ from scipy.stats import chi2
 
 import gtpin.bench.blind.draw
 import gtpin.bench.blind.run
-from gtpin.bench.blind.baselines import fit_known_causes_to_readings
 from gtpin.bench.blind.difficulty import Difficulty
 from gtpin.bench.blind.draw import Draft, jitter, made, measured, recipe, truth_of, without_some_touches
 from gtpin.bench.blind.judge import judge
@@ -194,58 +193,6 @@ def test_what_is_predicted_of_touches_is_what_a_calibration_would_miss(tmp_path:
             continue
         own = (split.readings.of == index) & (split.readings.component < values.shape[1])
         np.testing.assert_allclose(values.ravel(), missed[own], atol=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "effect"),
-    [("range", "backlash"), ("plane", "backlash"), ("socket", "backlash"), ("socket", "linearity")],
-)
-@pytest.mark.study
-def test_who_knows_the_cause_predicts_readings_better_than_the_geometry(tmp_path: Path, kind: str, effect: str) -> None:
-    _, truth = a_case(tmp_path / "x", [kind], effect, 5, 120)
-    outcome = diagnosed_by_geometry(tmp_path / "x")
-    found = opened_by(tmp_path / "x", truth, outcome)
-    assert found.error is None
-    assert found.noncentrality > 63.0
-    assert found.shrunk is not None
-    assert found.shrunk.knowing is not None
-    assert found.shrunk.knowing < 0.7 * found.shrunk.before
-    assert found.shrunk.after == found.shrunk.before  # the model that it was given has no cause
-
-
-@pytest.mark.slow
-def test_no_fit_knows_the_cause_where_it_is_in_no_catalogue(tmp_path: Path) -> None:
-    _, truth = a_case(tmp_path / "x", ["range"], "backlash", 5)
-    unheard = tuple(effect.model_copy(update={"effect": "unheard"}) for effect in truth.effects)
-    nameless = truth.model_copy(update={"effects": unheard})
-    found = opened_by(tmp_path / "x", nameless, diagnosed_by_geometry(tmp_path / "x"))
-    assert found.error is None
-    assert found.shrunk is not None
-    assert found.shrunk.knowing is None
-
-
-@pytest.mark.slow
-def test_a_fit_that_knows_no_cause_is_the_calibration(tmp_path: Path) -> None:
-    """With no cause to fit and the calibration's noise, the step starts where the calibration has converged, and ends there."""
-    draft = Draft("x", "none", 5, (), 60, instruments=("range", "socket"))
-    measured(draft).write_dataset(tmp_path)
-    dataset = Dataset.read(tmp_path)
-    baseline = calibrate(dataset)
-    assert baseline.freedom == np.inf  # the calibration has weighed all rows alike
-    names = [name for name, _ in baseline.sigmas]
-    sigma = {name: baseline.noise.sigma[names.index(name)] for name in names}
-    noise = {
-        table.name: np.full((len(dataset.readings.rows_of(i)), 3 if table.kind == "socket" else 1), sigma[table.name])
-        for i, table in enumerate(dataset.readings.tables)
-    }
-    known = fit_known_causes_to_readings(dataset, noise, baseline, [])
-    off = (known.geometry.values - baseline.values) / baseline.sigma
-    assert np.abs(off).max() < 0.02
-    unknowns = np.array(
-        [one.unknowns[u.name] for one in known.instruments for u in baseline.unknowns if u.name in one.unknowns]
-    )
-    assert np.abs((unknowns - baseline.u) / np.sqrt(np.diag(baseline.u_covariance))).max() < 0.02
 
 
 @pytest.mark.slow
