@@ -26,8 +26,9 @@ from gtpin.extras.controllers.controller import controller_of
 from gtpin.extras.controllers.grid_table import grid_table
 from gtpin.extras.controllers.machine_error import motions_of_no_error, open_directions
 from gtpin.extras.controllers.tables import printer_correction
-from gtpin.extras.controllers.towers import Drives, Towers, drives_of
+from gtpin.extras.controllers.towers import Drives, drives_of
 from gtpin.extras.importers.touches import Touches, write_touches
+from gtpin.extras.importers.towers import Towers
 from gtpin.model.place import without_place
 
 BOX = Box.of((-0.15, 0.15, -0.12, 0.12, 0.0, 0.2), (0.0, 0.0, 0.3))

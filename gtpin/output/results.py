@@ -9,6 +9,7 @@ import math
 import os
 from collections.abc import Collection, Iterator
 from pathlib import Path
+from typing import Any
 
 from gtpin.errors import GtpinError
 from gtpin.output.ownership import refuse_foreign
@@ -151,6 +152,11 @@ def json_text(content: object) -> str:
         raise GtpinError(
             what, hint="look for extreme numbers in the input, and say what they were in a bug report"
         ) from None
+
+
+def fields(one: object, *names: str) -> dict[str, Any]:
+    """Some attributes of an object by their names, as JSON has them."""
+    return {name: getattr(one, name) for name in names}
 
 
 def _not_finite(content: object, key: str) -> Iterator[str]:

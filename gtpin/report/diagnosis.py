@@ -15,7 +15,7 @@ from gtpin.effects.sites import joints
 from gtpin.errors import GtpinError
 from gtpin.model.model import Model
 from gtpin.model.model_folder import write_model
-from gtpin.output.results import json_text
+from gtpin.output.results import fields, json_text
 from gtpin.report.calibration import UNKNOWN
 from gtpin.report.calibration_text import IN_DOUBT, best_frame, nominal_words
 from gtpin.report.effect_curves import curve_drawing, drawn_curves
@@ -179,7 +179,7 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
     """The content of ``diagnosis.json``."""
     none, where, unexplained, best = d.verdict == "none", d.where, d.unexplained, d.unexplained.best_known
     geometry = [
-        _of(one, "value", "sigma", "unit", "position_rms") | {"parameter": one.name}
+        fields(one, "value", "sigma", "unit", "position_rms") | {"parameter": one.name}
         for one in (departures_of(d) if isinstance(d, Diagnosis) else ())
     ]
     regions = [{"box": np.asarray(box).tolist(), "share": share} for box, share in where.region]
@@ -187,13 +187,13 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
         "schema": "gtpin-diagnosis/1",
         "verdict": d.verdict,
         "causes": [_cause(c) for c in d.causes],
-        "also": [_of(one, "site", "rms") | {"class": _class(one.members)} for one in d.also],
+        "also": [fields(one, "site", "rms") | {"class": _class(one.members)} for one in d.also],
         "candidates": [
-            _of(c, "effect", "site", "log_evidence", "probability", "testable")
+            fields(c, "effect", "site", "log_evidence", "probability", "testable")
             | {"reason": reason_words(c.reason, c.site)}
             for c in d.candidates
         ],
-        "where": _of(where, "rod", "site", "axis", "covariate") | {"region": regions, "geometry": geometry},
+        "where": fields(where, "rod", "site", "axis", "covariate") | {"region": regions, "geometry": geometry},
         "gap": {
             **_errors(d.gap),
             "shrinkage": None if none else d.gap.explained_fraction,
@@ -202,22 +202,22 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
             **_turns(d),
         },
         "unexplained": {
-            **_of(unexplained, "share", "p_value"),
+            **fields(unexplained, "share", "p_value"),
             "correlates": [
                 {"site": o.site, "covariate": o.coordinates, "p_value": o.p_value} for o in unexplained.correlates
             ],
             "descriptions": [
-                _of(t, "effect", "site") | {"over": list(t.over)} | _of(t, "rms", "probability")
+                fields(t, "effect", "site") | {"over": list(t.over)} | fields(t, "rms", "probability")
                 for t in unexplained.descriptions
             ],
             "could_be": [_place(place) | {"position_rms_after": left} for place, left in unexplained.could_be.items()],
-            "leaders": [_of(one, "effect", "site", "log_evidence", "left") for one in unexplained.leaders],
+            "leaders": [fields(one, "effect", "site", "log_evidence", "left") for one in unexplained.leaders],
             "best_known": best and {"effects": [_place(place) for place in best.effects], "left": best.left},
             "jumps": list(unexplained.jumps),
             "questions": [
-                _of(q, "effect", "site", "parameter", "value", "sigma", "unit")
+                fields(q, "effect", "site", "parameter", "value", "sigma", "unit")
                 | {"expected": [end if np.isfinite(end) else None for end in (q.low, q.high)]}
-                | _of(q, "why", "believed")
+                | fields(q, "why", "believed")
                 for q in d.questions
             ],
         },
@@ -228,23 +228,19 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
     }
 
 
-def _of(one: object, *names: str) -> dict[str, Any]:
-    return {name: getattr(one, name) for name in names}
-
-
 def _place(place: tuple[str, str]) -> dict[str, str]:
     return dict(zip(("effect", "site"), place, strict=True))
 
 
 def _class(members: Iterable[Member]) -> list[dict[str, Any]]:
-    return [_of(m, "effect", "site", "probability") for m in members]
+    return [fields(m, "effect", "site", "probability") for m in members]
 
 
 def _cause(c: Cause) -> dict[str, Any]:
     return {
-        **_of(c, "effect", "site", "probability"),
+        **fields(c, "effect", "site", "probability"),
         "class": _class(c.members),
-        "parameters": {name: _of(e, "value", "sigma", "unit") for name, e in c.parameters.items()},
+        "parameters": {name: fields(e, "value", "sigma", "unit") for name, e in c.parameters.items()},
         "shrinkage": c.explained_fraction,
         "nature": c.nature,
         "share": c.share,

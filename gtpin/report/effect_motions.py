@@ -135,7 +135,9 @@ def placements(at: OperatingPoints, site: str, basis: Displacement) -> list[Moti
     """Motions of a joint's axis, or of the tips of links; those that move the TCP most are first."""
     found = []
     for index, twists in basis.placements:
-        link = None if site in at.robot.sites else _link(at, site, index)
+        link = None
+        if site not in at.robot.sites:
+            link = next(link for link in links_at(at.robot, site) if index in link.ends)
         if link is not None and link.tip != index:
             continue  # what else a link carries moves with its tip
         owner, ways = _ways(at, site, link)
@@ -152,11 +154,6 @@ def placements(at: OperatingPoints, site: str, basis: Displacement) -> list[Moti
         return float(np.abs((motion.columns * basis.sigma)[:, None] * motion.tcp[:, :3, None]).max(initial=0.0))
 
     return sorted(found, key=lambda motion: -at_tcp(motion))
-
-
-def _link(at: OperatingPoints, site: str, end: int) -> MovingLink:
-    """The link of a site that has an end."""
-    return next(link for link in links_at(at.robot, site) if end in link.ends)
 
 
 def _ways(at: OperatingPoints, site: str, link: MovingLink | None) -> tuple[str, list[tuple[str, Floats]]]:

@@ -110,7 +110,7 @@ def test_a_point_that_only_the_firmware_knows_of_is_refused(write: Write, word: 
 
 def test_dimensions_that_only_the_firmware_knows_are_refused(write: Write) -> None:
     config = "M92 X80 Y80 Z80 ; steps\nM665 L360 R170 H300\n"
-    assert read_rrf_delta(write("config.g", config)).radius == 170.0
+    assert read_rrf_delta(write("config.g", config))[0].radius == pytest.approx(0.170)
     with pytest.raises(DatasetError, match="row 3: a command inside 'if'"):
         read_rrf_delta(write("config.g", config.replace("M665", "if true\n\tM665")))
     with pytest.raises(DatasetError, match="row 2: an expression"):

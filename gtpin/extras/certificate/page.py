@@ -19,7 +19,7 @@ from gtpin.extras.certificate.result import Certificate
 from gtpin.extras.certificate.terms import BASES, DEFINITIONS, HOW, ROWS, SOURCES, STATE, STATED, WHY
 from gtpin.model.model_folder import model_json, write_model
 from gtpin.model.place import movers
-from gtpin.output.results import json_text
+from gtpin.output.results import fields, json_text
 from gtpin.report.page import (
     Block,
     Fold,
@@ -134,7 +134,7 @@ class CertificatePresentation(PagePresentation):
         return {
             "schema": "gtpin-certificate/1",
             "robot": c.model.robot.name,
-            **_of(c, "poses", "rows"),
+            **fields(c, "poses", "rows"),
             "point": c.point,
             "stands": c.stands,
             "set_aside": list(c.set_aside),
@@ -151,7 +151,7 @@ class CertificatePresentation(PagePresentation):
             "statement": statement(c),
             "commands": limits(c),
             "quantities": [
-                _row(q) | _of(DEFINITIONS[q.symbol], "formula", "standard", "estimate") for q in c.quantities
+                _row(q) | fields(DEFINITIONS[q.symbol], "formula", "standard", "estimate") for q in c.quantities
             ],
             "budget": {
                 "poses": len(b.q),
@@ -192,7 +192,8 @@ def _known(c: Certificate) -> Table:
     for q in c.quantities:
         if q.value is not None:
             d = DEFINITIONS[q.symbol]
-            rows.append([_name(q), _value(q), str(q.poses), str(q.rows), f"{'resembles ' * d.estimate}{d.standard}"])
+            after = f"{'resembles ' * d.estimate}{d.standard}"
+            rows.append([_name(q), quantity(q.value, q.unit, q.sigma), str(q.poses), str(q.rows), after])
     return Table(("quantity", "value", "poses", "rows", "after"), rows, (1, 2, 3))
 
 
@@ -298,15 +299,7 @@ def _by_axis(b: Budget, values: Floats) -> dict[str, float]:
 
 
 def _row(q: Quantity) -> dict[str, Any]:
-    return {**_of(q, "symbol", "site", "value", "sigma", "unit", "poses", "rows"), "reason": why(q)}
-
-
-def _of(one: object, *names: str) -> dict[str, Any]:
-    return {name: getattr(one, name) for name in names}
-
-
-def _value(q: Quantity) -> str:
-    return "" if q.value is None else quantity(q.value, q.unit, q.sigma)
+    return {**fields(q, "symbol", "site", "value", "sigma", "unit", "poses", "rows"), "reason": why(q)}
 
 
 def _name(q: Quantity) -> str:

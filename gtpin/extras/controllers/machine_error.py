@@ -15,7 +15,8 @@ from gtpin.errors import ModelError
 from gtpin.export.box import Box
 from gtpin.export.loss import both_approaches, postures, um
 from gtpin.extras.certificate.held_against import ModelPosterior, at_commands, by_commands, by_unknowns, prior_sizes
-from gtpin.extras.controllers.towers import DIMENSIONS, Drives, TowerFit, Towers
+from gtpin.extras.controllers.towers import DIMENSIONS, Drives, TowerFit
+from gtpin.extras.importers.towers import Towers
 from gtpin.model.model import Model
 from gtpin.model.place import free_motions, without_place
 from gtpin.typing import Floats, Mask

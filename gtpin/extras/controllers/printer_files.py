@@ -13,12 +13,11 @@ import numpy as np
 
 from gtpin.errors import ModelError
 from gtpin.extras.controllers.plane_tables import PlaneTables
-from gtpin.extras.controllers.towers import Towers
+from gtpin.extras.importers.towers import ANGLES, Towers
 from gtpin.typing import Floats
 
 MM = 1e3
 KLIPPER_TOWERS = ("stepper_a", "stepper_b", "stepper_c")
-RRF_ANGLES = (210.0, 330.0, 90.0)
 
 
 def named(temperature: float | None) -> str:
@@ -88,7 +87,7 @@ def rrf_macro(
     lines = [f"; Corrections of {robot}, written by gtpin. Run it with M98 after homing; M376 H0: without taper."]
     if towers is not None and steps is not None:
         middle = float(towers.ends.mean())
-        turned = np.degrees(towers.angles) - RRF_ANGLES
+        turned = np.degrees(towers.angles) - ANGLES
         lines += [
             "; Dimensions: home again after they have changed.",
             f"M665 L{':'.join(f'{MM * arm:.5f}' for arm in towers.arms)} R{MM * towers.radius:.5f} H{MM * middle:.5f} "

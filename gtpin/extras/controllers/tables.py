@@ -28,10 +28,11 @@ from gtpin.extras.controllers.machine_error import (
 )
 from gtpin.extras.controllers.plane_tables import PARTS, PlaneTables, changes_of_parts, plane_tables
 from gtpin.extras.controllers.printer_files import klipper_config, named, rrf_heightmap, rrf_macro
-from gtpin.extras.controllers.towers import DIMENSIONS, Drives, TowerFit, Towers, drives_of
+from gtpin.extras.controllers.towers import DIMENSIONS, Drives, TowerFit, drives_of
 from gtpin.extras.importers.klipper import TOWERS, tower_dimensions
 from gtpin.extras.importers.klipper_config import needed, read_config
 from gtpin.extras.importers.rrf import read_rrf_delta
+from gtpin.extras.importers.towers import Towers
 from gtpin.model.model import Model
 from gtpin.model.place import without_place
 from gtpin.typing import Floats, Mask
@@ -65,7 +66,7 @@ class PrinterCorrection:
     changes: tuple[str, ...] = ()
 
 
-def printer_files(model: Model, file: Path, form: str, wanted: TablesFor, session: str | None = None) -> Export:
+def printer_files(model: Model, file: Path, session: str | None, wanted: TablesFor, *, form: str) -> Export:
     """Klipper's configuration, or RepRapFirmware's macro with a height map for each temperature.
 
     Raises `GtpinError` if the robot does not have three actuators, a box is missing or can't be reached, the firmware's
@@ -190,16 +191,14 @@ def _present(file: Path, form: str, nominal: Model, box: Box, output: Path) -> t
     """
     if form == "klipper":
         sections = read_config(file, without=output)
-        radius, arms, ends, angles = tower_dimensions(sections, file)
+        towers = tower_dimensions(sections, file)
         per_tower = np.array([needed(sections, tower, "rotation_distance", file).number() for tower in TOWERS])
     else:
-        found = read_rrf_delta(file)
-        radius, arms, ends, angles, per_tower = found.radius, found.arms, found.ends, found.angles, found.steps
-    towers = Towers(1e-3 * radius, 1e-3 * arms, np.radians(angles), 1e-3 * ends, np.ones(3))
+        towers, per_tower = read_rrf_delta(file)
     return drives_of(towers, nominal, box), per_tower
 
 
-def grid_file(model: Model, file: Path, wanted: TablesFor, session: str | None = None) -> Export:
+def grid_file(model: Model, file: Path, session: str | None, wanted: TablesFor) -> Export:
     """The table; see :func:`~gtpin.extras.controllers.grid_table.grid_table`.
 
     Raises `GtpinError` if the robot has too many actuators for such a table, or one without a range; if temperatures are

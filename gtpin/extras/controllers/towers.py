@@ -1,5 +1,4 @@
-"""A linear delta with the parameters of printers' firmwares: a radius; for each tower an arm, an angle, an end stop, a
-scale."""
+"""A linear delta with the dimensions of a firmware: the drives of its towers, and the dimensions that fit a machine."""
 
 from __future__ import annotations
 
@@ -14,6 +13,7 @@ from gtpin.compensation.machine import CompensatedMachine
 from gtpin.errors import ModelError
 from gtpin.export.box import Box
 from gtpin.extras.controllers.controller import controller_of, positions_to_ask_for
+from gtpin.extras.importers.towers import Towers
 from gtpin.model.model import Model
 from gtpin.typing import Floats, Mask
 
@@ -32,49 +32,9 @@ DIMENSIONS = (
     "delta radius",
     *(f"{what} {tower}" for what in ("arm", "angle", "end stop", "scale") for tower in "abc"),
 )
-"""The dimensions in their order in :attr:`Towers.values`; RepRapFirmware's towers X, Y, Z are a, b, c."""
+"""The dimensions in their order in :attr:`Towers.values`."""
 STEP = 1e-7
 """Step of a dimension, m, rad or relative, from which a derivative is computed."""
-
-
-@dataclass(frozen=True, eq=False)
-class Towers:
-    """The dimensions of a linear delta, m and rad.
-
-    - ``radius``: distance from the middle axis to each tower, less the radius of the effector.
-    - ``arms``, ``angles``: (3,) length of the arms; direction of each tower from the middle axis, angle from the x axis.
-    - ``ends``: (3,) height of the nozzle above z = 0, if it is on the middle axis and this tower's carriage is at its end
-      stop.
-    - ``scale``: (3,) travel per motor step divided by the configured travel per step.
-    """
-
-    radius: float
-    arms: Floats
-    angles: Floats
-    ends: Floats
-    scale: Floats
-
-    def heights(self, xyz: Floats) -> Floats:
-        """(N, 3) heights of the carriages above z = 0 for nozzles at (N, 3), m; NaN for positions out of reach of an arm."""
-        foot = self.radius * np.column_stack([np.cos(self.angles), np.sin(self.angles)])
-        across = ((xyz[:, None, :2] - foot) ** 2).sum(axis=2)
-        with np.errstate(invalid="ignore"):
-            return np.asarray(xyz[:, 2:] + np.sqrt(self.arms**2 - across))
-
-    @property
-    def tops(self) -> Floats:
-        """(3,) heights of the carriages above z = 0 at their end stops, m."""
-        return np.asarray(self.ends + np.sqrt(self.arms**2 - self.radius**2))
-
-    @property
-    def values(self) -> Floats:
-        """(13,) radius, arms, angles, ends and scale in one vector."""
-        return np.concatenate([[self.radius], self.arms, self.angles, self.ends, self.scale])
-
-    @staticmethod
-    def of(values: Floats) -> Towers:
-        """The dimensions from a vector as :attr:`values` has it."""
-        return Towers(float(values[0]), *np.split(values[1:], 4))
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import isfinite
 from pathlib import Path
 
@@ -34,21 +35,10 @@ def _of_drives(model: Model, files: dict[str, str], session: str | None) -> Expo
     return Export(files, missing, left_of_drives(model, carried, session))
 
 
-def _klipper(model: Model, file: Path, session: str | None, tables: TablesFor) -> Export:
-    return printer_files(model, file, "klipper", tables, session)
-
-
-def _reprapfirmware(model: Model, file: Path, session: str | None, tables: TablesFor) -> Export:
-    return printer_files(model, file, "reprapfirmware", tables, session)
-
-
-def _grid(model: Model, file: Path, session: str | None, tables: TablesFor) -> Export:
-    return grid_file(model, file, tables, session)
-
-
 def _dh(model: Model, file: Path, session: str | None, tables: TablesFor) -> Export:
     missing = tuple(name for name in left_out(model) if "@" in name)
-    return Export({file.name: _arm_table(model)}, missing, _doubt(model))
+    doubt = tuple(f"{words}: corrections may be off by more than their sigmas" for words in not_explained(model))
+    return Export({file.name: _arm_table(model)}, missing, doubt)
 
 
 def _arm_table(model: Model) -> str:
@@ -67,14 +57,9 @@ def _arm_table(model: Model) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _doubt(model: Model) -> tuple[str, ...]:
-    """A message where the sigmas of a table are too small if what the model leaves of the data is no noise."""
-    return tuple(f"{words}: corrections may be off by more than their sigmas" for words in not_explained(model))
-
-
 CSV = Writer(_csv, ".csv")
 LINUXCNC = Writer(_linuxcnc, ".comp")
-KLIPPER = Writer(_klipper, ".cfg", tables=True)
-REPRAPFIRMWARE = Writer(_reprapfirmware, ".g", tables=True)
-GRID = Writer(_grid, tables=True)
+KLIPPER = Writer(partial(printer_files, form="klipper"), ".cfg", tables=True)
+REPRAPFIRMWARE = Writer(partial(printer_files, form="reprapfirmware"), ".g", tables=True)
+GRID = Writer(grid_file, tables=True)
 DH = Writer(_dh)

@@ -18,11 +18,10 @@ from gtpin.errors import DatasetError, warn
 from gtpin.extras.importers.klipper_config import Option, Sections, needed, read_config
 from gtpin.extras.importers.lines import decimal, decimals, text_lines
 from gtpin.extras.importers.touches import FARTHEST, MILLIMETRE, Touches, check_size, touched
+from gtpin.extras.importers.towers import ANGLES, Towers
 from gtpin.typing import Floats
 
 TOWERS = ("stepper_a", "stepper_b", "stepper_c")
-ANGLES = (210.0, 330.0, 90.0)
-"""Klipper's default angles of the towers about the middle of the bed, from the x axis, degrees."""
 FULL_STEPS = 200.0
 """Klipper's default number of full steps per turn."""
 
@@ -60,14 +59,14 @@ def read_klipper_delta(file: Path | str) -> Touches:
     if others := sorted(name for name in saved if _OTHER.fullmatch(name)):
         warn(f"{file}: left out, as they are no touches: {', '.join(others)}")
     row = np.array([saved[f"height{number}_pos"].row for number in numbers], dtype=np.int64)
-    travel = steps * [_step(sections, tower, file) for tower in TOWERS]
-    check_size(MILLIMETRE * travel, file, row)
+    travel = MILLIMETRE * steps * [_step(sections, tower, file) for tower in TOWERS]
+    check_size(travel, file, row)
     return Touches(
         file,
         row,
         normal_ids(numbers),
-        position=MILLIMETRE * _positions(sections, travel, file, row),
-        travel=MILLIMETRE * travel,
+        position=_positions(tower_dimensions(sections, file), travel, file, row),
+        travel=travel,
         height=MILLIMETRE * np.array([option.number() for option in heights]),
         bed=True,
     )
@@ -115,8 +114,8 @@ def _positive(option: Option) -> float:
     return value
 
 
-def tower_dimensions(sections: Sections, file: Path) -> tuple[float, Floats, Floats, Floats]:
-    """The delta's radius, mm, and (3,) for the towers: arm length, mm; position of the end stop, mm; angle, degrees.
+def tower_dimensions(sections: Sections, file: Path) -> Towers:
+    """The delta's dimensions.
 
     Raises `DatasetError` if an option is missing, or a dimension is impossible.
     """
@@ -135,25 +134,23 @@ def tower_dimensions(sections: Sections, file: Path) -> tuple[float, Floats, Flo
         if arms[i] <= radius:
             what, hint = f"arm_length {arms[i]:g} is not above delta_radius {radius:g}", "correct the configuration"
             raise DatasetError(what, file=file, column=f"{tower}.arm_length", hint=hint)
-    return radius, arms, ends, angles
+    return Towers.in_file(radius, arms, angles, ends)
 
 
-def _positions(sections: Sections, travel: Floats, file: Path, rows: npt.NDArray[np.int64]) -> Floats:
-    """(N, 3) nozzle, mm, by the geometry of the file: the lower of the two points at arm's length from the three carriages."""
-    radius, arms, ends, angles = tower_dimensions(sections, file)
-    foot = radius * np.column_stack([np.cos(np.radians(angles)), np.sin(np.radians(angles))])
-    height = ends + np.sqrt(arms**2 - radius**2) - travel
-    center = np.concatenate([np.broadcast_to(foot, (*travel.shape, 2)), height[:, :, None]], axis=2)
+def _positions(towers: Towers, travel: Floats, file: Path, rows: npt.NDArray[np.int64]) -> Floats:
+    """(N, 3) nozzle, m, by the geometry of the file: the lower of the two points at arm's length from the three carriages."""
+    feet, heights = np.broadcast_to(towers.feet, (*travel.shape, 2)), towers.tops - travel
+    center = np.concatenate([feet, heights[:, :, None]], axis=2)
     # Differences of the equations of the three spheres are two planes. Their line intersects the first sphere in two points.
     normal = center[:, 1:] - center[:, :1]
-    squares = arms**2 - (center**2).sum(axis=2)
+    squares = towers.arms**2 - (center**2).sum(axis=2)
     right = 0.5 * (squares[:, :1] - squares[:, 1:])
     along = np.cross(normal[:, 0], normal[:, 1])
     point = np.einsum("nij,nj->ni", np.linalg.pinv(normal), right)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     away = point - center[:, 0]
     half = (away * along).sum(axis=1)
-    inside = half**2 - (away**2).sum(axis=1) + arms[0] ** 2
+    inside = half**2 - (away**2).sum(axis=1) + towers.arms[0] ** 2
     if not (inside >= 0.0).all():
         row = int(rows[np.argmin(inside >= 0.0)])
         what = "the arms do not reach one another at these steps"
@@ -213,21 +210,19 @@ def read_klipper_mesh(
         raise DatasetError(
             "no point of the mesh is on the bed", file=file, column="mesh_radius", hint="check its unit, mm"
         )
-    return replace(touched(file, rows, xyz, offset), carriages=_carriages(sections, np.array(xyz), file))
+    return replace(touched(file, rows, xyz, offset), carriages=_carriages(sections, MILLIMETRE * np.array(xyz), file))
 
 
 def _carriages(sections: Sections, xyz: Floats, file: Path) -> Floats | None:
-    """(N, 3) heights of the carriages of a delta, m, for nozzles at xyz (N, 3), mm; of a machine whose axes are straight, xyz
+    """(N, 3) heights of the carriages of a delta, m, for nozzles at xyz (N, 3), m; of a machine whose axes are straight, xyz
     itself; None where the file does not tell."""
     kinematics = sections.get("printer", {}).get("kinematics")
     if kinematics is not None and kinematics.text in STRAIGHT:
-        return MILLIMETRE * xyz
+        return xyz
     if kinematics is None or kinematics.text != "delta" or "arm_length" not in sections.get(TOWERS[0], {}):
         return None
-    radius, arms, _, angles = tower_dimensions(sections, file)
-    foot = radius * np.column_stack([np.cos(np.radians(angles)), np.sin(np.radians(angles))])
-    squares = arms**2 - ((xyz[:, None, :2] - foot) ** 2).sum(axis=2)
-    return MILLIMETRE * (xyz[:, 2:] + np.sqrt(squares)) if (squares > 0.0).all() else None
+    heights = tower_dimensions(sections, file).heights(xyz)
+    return heights if np.isfinite(heights).all() else None
 
 
 def _bounds(sections: Sections, name: str, axis: str, file: Path) -> tuple[float, float]:

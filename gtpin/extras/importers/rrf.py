@@ -7,7 +7,6 @@ BedProbing/RandomProbePointSet.cpp (ReportProbeHeights), Kinematics/LinearDeltaK
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from gtpin.errors import DatasetError
 from gtpin.extras.importers.lines import decimal, gcode_commands, text_lines
 from gtpin.extras.importers.touches import Touches, touched
+from gtpin.extras.importers.towers import ANGLES, Towers
 from gtpin.typing import Floats
 
 MAP = "RepRapFirmware height map file v"
@@ -36,8 +36,6 @@ LETTERS = "PXYZHKS"
 _POINT = re.compile(r"\s*G30\s+P(\d+\b|\{[^}]*\})(.*)", re.IGNORECASE)
 _WORD = re.compile(r"([A-Z])\s*([^\sA-Z;]+)", re.IGNORECASE)
 _ONE_HEIGHT = re.compile(rf"{FAILED}|not set|\S+")
-ANGLES = (210.0, 330.0, 90.0)
-"""Angles of the towers X, Y and Z, degrees, to which X, Y and Z of M665 are corrections."""
 AXES = "XYZ"
 _COMMAND = re.compile(r"\s*M(665|666|92)(?![\d.])(.*)", re.IGNORECASE)
 _LENGTHS = re.compile(r"([A-Z])\s*([^\sA-Z]+)", re.IGNORECASE)
@@ -181,23 +179,8 @@ def _places(file: Path) -> list[tuple[float, float]]:
     return [found[number] for number in range(len(found))]
 
 
-@dataclass(frozen=True, eq=False)
-class RrfDelta:
-    """Dimensions of a delta, mm and degrees.
-
-    ``radius``: R of M665. ``arms``, ``angles``, ``ends``: (3,) for the towers: L of M665, mm; angle about the middle of the
-    bed from the x axis, degrees; H of M665 plus the tower's adjustment by M666, mm. ``steps``: (3,) steps per mm of M92.
-    """
-
-    radius: float
-    arms: Floats
-    angles: Floats
-    ends: Floats
-    steps: Floats
-
-
-def read_rrf_delta(file: Path | str) -> RrfDelta:
-    """Read the dimensions of a delta in config.g, or config-override.g: M665, M666 and M92.
+def read_rrf_delta(file: Path | str) -> tuple[Towers, Floats]:
+    """Read the dimensions of a delta in config.g, or config-override.g: M665, M666, and (3,) steps per mm, M92.
 
     A later command changes only the parameters that it names.
 
@@ -227,10 +210,6 @@ def read_rrf_delta(file: Path | str) -> RrfDelta:
     if len(arms) != 3 or min(arms) <= of("M665 R") or min(of(f"M92 {axis}") for axis in AXES) <= 0.0:
         what, hint = "a dimension can't be", "three arms or one (L), longer than the radius (R), and steps above 0"
         raise DatasetError(what, file=file, row=found["M665 L"][1], column="M665 L", hint=hint)
-    return RrfDelta(
-        of("M665 R"),
-        np.array(arms),
-        np.array([angle + of(f"M665 {axis}") for angle, axis in zip(ANGLES, AXES, strict=True)]),
-        np.array([of("M665 H") + of(f"M666 {axis}") for axis in AXES]),
-        np.array([of(f"M92 {axis}") for axis in AXES]),
-    )
+    angles = [angle + of(f"M665 {axis}") for angle, axis in zip(ANGLES, AXES, strict=True)]
+    towers = Towers.in_file(of("M665 R"), arms, angles, [of("M665 H") + of(f"M666 {axis}") for axis in AXES])
+    return towers, np.array([of(f"M92 {axis}") for axis in AXES])
