@@ -184,9 +184,9 @@ def closure_change(error: SmallError, kinematics: Kinematics, q: Floats, poses: 
     """(N,) change of a rod's closure |d|^2 - L^2 at fixed poses (N,) by a step of an error of it, m^2."""
     d, L = _rod(error, kinematics, q, poses)
     assert error.moved is not None
-    move, grown = step * error.moved, step * error.grown
+    move, longer = step * error.moved, step * error.longer
     # Expanded: a difference of two squares of lengths of about 2 m would lose seven digits.
-    return np.asarray(np.einsum("ni,ni->n", 2.0 * d + move, move) - (2.0 * L + grown) * grown)
+    return np.asarray(np.einsum("ni,ni->n", 2.0 * d + move, move) - (2.0 * L + longer) * longer)
 
 
 def _rod(error: SmallError, kinematics: Kinematics, q: Floats, poses: Poses) -> tuple[Floats, Floats]:
@@ -202,7 +202,7 @@ def _cost(
     """Exact and linear sums over poses and signs of the expected changes of the squared closure, whose sigma is given."""
     d, L = _rod(error, kinematics, q, poses)
     assert error.moved is not None
-    slope = np.einsum("ni,ni->n", d, error.moved) - L * error.grown
+    slope = np.einsum("ni,ni->n", d, error.moved) - L * error.longer
     changes = (closure_change(error, kinematics, q, poses, s * step) for s in (1.0, -1.0))
     exact = sum(_expected_change(change, sigma).sum() for change in changes)
     return float(exact), float(2.0 * _expected_change(2.0 * step * slope, sigma).sum())
@@ -230,7 +230,7 @@ class SmallError:
 
     ``parameter``, ``link``: its name (``L``, ``Px``, ``rx``), and the name of the part. ``rod``: index of the rod; None for
     other parts. ``frame``, ``twist``: the frame that moves, and (N, 6) its twist per unit of the parameter, own axes.
-    ``grown``, ``moved``: change of the rod's length, and (N, 3) of the vector from its joint on the carrier to that on the
+    ``longer``, ``moved``: change of the rod's length, and (N, 3) of the vector from its joint on the carrier to that on the
     platform, base frame, per unit at a fixed pose.
     """
 
@@ -239,7 +239,7 @@ class SmallError:
     frame: int
     twist: Floats
     rod: int | None = None
-    grown: float = 0.0
+    longer: float = 0.0
     moved: Floats | None = None
 
     def rate(self, motion: FrameMotion) -> Floats:

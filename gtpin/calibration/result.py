@@ -12,11 +12,11 @@ from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.observability import Direction, Observability, Remedy, of_geometry, with_priors
 from gtpin.calibration.problem import Problem
 from gtpin.calibration.regressor import BaseParameter, Regressor, base_parameters, regressor
-from gtpin.calibration.zeros import Zero, equivalent_zeros
 from gtpin.data import Dataset, InstrumentSection
 from gtpin.errors import renamed
 from gtpin.estimate import Estimate
 from gtpin.instruments.instrument import Unknown
+from gtpin.model.departures import Zero, equivalent_zeros
 from gtpin.model.model import Model
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.output.shown import FitResult, present
@@ -37,7 +37,7 @@ class InstrumentFit:
       for its orientations.
     - ``readings``: number of used rows of its table.
     - ``before``, ``after``: root mean square error of its readings, in ``unit``. ``before``: of the nominal robot with the
-      values of the instrument's unknowns, and of its frame where that is free, that make these errors smallest (of a lone
+      values of the instrument's unknowns, and of its frame where that is free, that make these errors smallest (of a single
       tracker: the errors of positions). ``after``: of the calibrated robot. For positions and orientations: of the
       length of the error vector.
     - ``floor``: the root mean square error that noise alone would leave, in ``unit``.

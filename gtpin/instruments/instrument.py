@@ -197,7 +197,7 @@ class Instrument(ABC):
         return str(self.table.name)
 
     def label(self, component: Component) -> str:
-        """Name of a component among those of all instruments: ``wire``, ``cup.x``; ``x`` of a lone tracker."""
+        """Name of a component among those of all instruments: ``wire``, ``cup.x``; ``x`` of a single tracker."""
         parts = (self.name, component.name if len(self.components) > 1 else "")
         return ".".join(part for part in parts if part)
 

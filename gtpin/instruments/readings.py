@@ -65,7 +65,7 @@ class Readings:
 
     @staticmethod
     def of_poses(q: Floats, T: Floats, R: Floats | None, robot: Chain) -> Readings:
-        """Poses of a lone tracker: commands q (N, n), m or rad; T (N, 3), m, and R (N, 3, 3) or None, in its frame."""
+        """Poses of a single tracker: commands q (N, n), m or rad; T (N, 3), m, and R (N, 3, 3) or None, in its frame."""
         rows = InstrumentRows.of_poses(T, None if R is None else to_quaternions(R), np.arange(len(q)))
         return Readings(q, rows, robot, np.zeros(0))
 
@@ -83,19 +83,19 @@ class Readings:
 
     @property
     def tracked(self) -> bool:
-        """Whether these are the poses of a lone tracker, which has no name: their frame is that of the model."""
+        """Whether these are the poses of a single tracker, which has no name: their frame is that of the model."""
         return not self.rows.tables[0].name
 
     @property
     def poses(self) -> tuple[Floats, Floats | None]:
-        """(N, 3) positions, m, and (N, 3, 3) orientations or None, that a lone tracker has read, in its frame."""
+        """(N, 3) positions, m, and (N, 3, 3) orientations or None, that a single tracker has read, in its frame."""
         one = self.instruments[0]
         assert isinstance(one, Tracker)
         return one.positions, one.rotations
 
     @property
     def station(self) -> Floats | None:
-        """(3,) where a lone tracker stands in its frame, m; None for others, and where it is not known."""
+        """(3,) where a single tracker stands in its frame, m; None for others, and where it is not known."""
         table = self.rows.tables[0]
         if not self.tracked or not isinstance(table, TrackerTable) or table.station is None:
             return None
@@ -307,7 +307,7 @@ class Readings:
 
     @property
     def fitted(self) -> tuple[FittedInstrument, ...]:
-        """The instruments with the values of their unknowns; a lone tracker, which has no name, is none."""
+        """The instruments with the values of their unknowns; a single tracker, which has no name, is none."""
         found = []
         for i, one in enumerate(self.instruments):
             if not one.name:

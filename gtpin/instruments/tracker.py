@@ -40,9 +40,8 @@ class Tracker(OfTargets):
     def _unknowns(self) -> Sequence[Unknown]:
         positions = tuple(Component(axis, "m") for axis in AXES)
         self.turned = "qw" in self.read.numbers and bool(np.isfinite(self.read.numbers["qw"]).all())
-        # Orientations are shown where nothing else tells of them: for a lone tracker, which has no name.
-        lone = not self.table.name
-        turns = tuple(Component(axis, "rad", group=1, initial_sigma=5e-5, shown=lone) for axis in TURNS)
+        # Orientations are shown where nothing else tells of them: for a single tracker, which has no name.
+        turns = tuple(Component(axis, "rad", group=1, initial_sigma=5e-5, shown=not self.table.name) for axis in TURNS)
         self.components = positions + (turns if self.turned else ())
         free_target = self.table.target == "free"
         self.targets = Targets(self.table, self.read, free=free_target)

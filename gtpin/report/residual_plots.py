@@ -282,12 +282,9 @@ def against_columns(
 
     plots = []
     for one in columns(residuals, share, causes):
-        name, title, lined = (
-            f"against-{one.name}",
-            f"Residuals against {coordinate_words(one.name)}",
-            one.line is not None,
-        )
-        plots.append(Plot(name, title, partial(draw, one), follows, height=280 if lined else 230, whole=lined))
+        title, fitted = f"Residuals against {coordinate_words(one.name)}", one.line is not None
+        height = 280 if fitted else 230
+        plots.append(Plot(f"against-{one.name}", title, partial(draw, one), follows, height=height, whole=fitted))
     return plots
 
 

@@ -36,8 +36,7 @@ class Arm:
 
         Raises RobotError if a joint mimics another one in a robot with loops.
         """
-        told = robot.tolerance
-        position, rotation = (told.get(f"placement_{of}", TOLERANCE) for of in ("position", "rotation"))
+        position, rotation = (robot.tolerance.get(f"placement_{of}", TOLERANCE) for of in ("position", "rotation"))
         gravity = np.array(robot.description.gravity)
         return Arm(robot.name, Loops.of(robot), gravity, np.array([position] * 3 + [rotation] * 3))
 

@@ -97,9 +97,9 @@ def _message(file: Path, cells: list[tuple[int, list[str]]], prefix: str | None)
     """Names of the columns of a message of ROS 2; those after the pose have none."""
     width = len(cells[0][1])
     known = ", ".join(f"{name} ({columns} columns)" for columns, (name, _) in MESSAGES.items())
-    told = f"the file has no names of columns, as ros2 topic echo --csv writes it, and {width} columns"
+    what = f"the file has no names of columns, as ros2 topic echo --csv writes it, and {width} columns"
     if width not in MESSAGES or prefix is not None:
-        what = f"{told}, so there is no prefix" if width in MESSAGES else told
+        what += ", so there is no prefix" if width in MESSAGES else ""
         hint = f"gtpin knows {known}; name the columns of any other: gtpin import points --columns=..."
         raise DatasetError(what, file=file, row=cells[0][0], hint=hint)
     names = [*STAMP, *MESSAGES[width][1]]
