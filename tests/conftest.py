@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import time
+import zlib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parent
@@ -32,15 +35,33 @@ LONG = (
 PLACE = {ROOT / name: place for place, name in enumerate(LONG)}
 
 
+LAST = pytest.StashKey[float]()
+"""The time by ``time.monotonic`` after which no test begins."""
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--one-of-each", action="store_true", help="each test with the first of its parameters alone")
+    what = (
+        "each test with the first of its parameters alone, in a mixed order of files, as many as begin in these minutes"
+    )
+    parser.addoption("--minutes", type=float, help=what)
 
 
 @pytest.hookimpl(trylast=True)  # after the choice by marks
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Put the long files first; the others, and the tests of a file, stay in their order."""
-    items.sort(key=lambda item: PLACE.get(item.path, len(PLACE)))
-    if config.getoption("--one-of-each"):
-        chosen = {item.nodeid.partition("[")[0]: item for item in reversed(items)}.values()
-        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
-        items[:] = reversed(chosen)
+    minutes = config.getoption("--minutes")
+    if minutes is None:
+        items.sort(key=lambda item: PLACE.get(item.path, len(PLACE)))
+        return
+    config.stash[LAST] = time.monotonic() + 60.0 * minutes
+    chosen = set({item.nodeid.partition("[")[0]: item for item in reversed(items)}.values())
+    config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
+    # Of each folder some files, also where the time is short; the same order in each run.
+    kept = [item for item in items if item in chosen]
+    items[:] = sorted(kept, key=lambda item: zlib.crc32(str(item.path.relative_to(ROOT)).encode()))
+
+
+@pytest.hookimpl(tryfirst=True)  # before the fixtures
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    if time.monotonic() > item.config.stash.get(LAST, np.inf):
+        pytest.skip("the minutes are over")

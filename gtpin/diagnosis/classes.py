@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import exp, sqrt
+from math import exp, log, sqrt
 
 import numpy as np
 
 from gtpin.diagnosis.evidence import Posterior, fixed, without
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
 from gtpin.diagnosis.priors import CLASS_SHARE, LIKELY
+from gtpin.diagnosis.propose import further_loads
 from gtpin.diagnosis.search import Gain, HypothesisSet, causes, smooth_of, with_lines
 
 
@@ -84,14 +85,16 @@ def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis,
         for h, gain in gains.items()
     }
     likeliest, by_proxy = max(log_odds.values()), set()
-    for proxy, gain in hypotheses.gains(rest, hypotheses.proxies).items():
+    robot = hypotheses.design.operating_points.robot
+    clock, weighed = cause.clock(robot), hypotheses.design.operating_points.has("payload")
+    # Beside a recorded payload, a further load is suspected where the cause comes and goes with time only.
+    tried = [p for p in hypotheses.proxies if clock or not weighed or p.reason is None]
+    for proxy, gain in hypotheses.gains(rest, tried).items():
         value = gain.value / temperature + float(np.log(proxy.odds))
         if value > log_odds.get(proxy.hypothesis, -np.inf):
             log_odds[proxy.hypothesis] = min(value, likeliest)
             by_proxy.add(proxy.hypothesis)
     # The frame and the target of one clock have the same functions, as smooth terms of this clock have.
-    robot = hypotheses.design.operating_points.robot
-    clock = cause.clock(robot)
     for h in gains:
         if clock and {h.site, cause.site} == {"frame", "platform"} and h.clock(robot) == clock:
             ahead = (gains[h].value - gains[mine].value) / sqrt(temperature)
@@ -149,12 +152,15 @@ def _smooth_log_odds(
     coordinates gain in addition what an unlisted effect departs from a smooth function: as much as a cause departs from its
     equation.
 
-    Several lines can follow any smooth function, so nothing is added for a departure of the cause from its equation. An effect
-    of exactly time, or exactly session, has no form of its own: another part can move with it as well. Both have the same
+    A profile (a track that is not straight, several lines of a drive) follows any function of its own command. It has no
+    equation from which a machine could depart, so nothing is added for a departure where a smooth term has other coordinates:
+    a drive whose error grows with its load is as good an explanation as a track that is not straight. An effect of exactly
+    time, or exactly session, has no form of its own: another part can move with it as well. Both have the same
     functions and differ in the part that moves, so only the square root of the temperature divides the difference.
     """
     priors, robot = hypotheses.priors, hypotheses.design.operating_points.robot
     temperature, clock = priors.temperature_of(gained), cause.clock(robot)
+    free = cause.effect.nature_of(cause.lines) == "profile"
     found = {}
     for term, gain in hypotheses.gains(rest, unnamed(hypotheses, cause)).items():
         same_clock = frozenset(term.over) == clock
@@ -169,7 +175,8 @@ def _smooth_log_odds(
         elif unlisted:
             against = 0.0
         else:
-            against = priors.unnamed + (0.0 if hypotheses.modulates(term, (cause,)) else departure)
+            other = free and set(term.over) != cause.coordinates(robot)
+            against = priors.unnamed + (0.0 if other or hypotheses.modulates(term, (cause,)) else departure)
         found[term] = (gain.value - against) / temperature
     return found
 
@@ -227,12 +234,16 @@ def with_two_instead(hypotheses: HypothesisSet, model: Posterior[Term], classes:
 
 
 def _or_together(
-    members: tuple[ClassMember, ...], cause: Hypothesis, several: Sequence[Hypothesis], odds: float
+    members: tuple[ClassMember, ...],
+    cause: Hypothesis,
+    several: Sequence[Hypothesis],
+    odds: float,
+    recorded: bool = True,
 ) -> tuple[ClassMember, ...]:
     """A cause's class in which several hypotheses that act together may be in the place of the cause.
 
-    ``odds``: those of all together to the cause. Their probability is divided equally between them. Where each has less than
-    ``CLASS_SHARE`` of the largest probability, the class stays as it is.
+    ``odds``: those of all together to the cause. ``recorded``: false where they lack a column. Their probability is divided
+    equally between them. Where each has less than ``CLASS_SHARE`` of the largest probability, the class stays as it is.
     """
     if not several:
         return members
@@ -243,7 +254,8 @@ def _or_together(
     if each < CLASS_SHARE * max(m.probability for m in known.values()):
         return members
     for hypothesis, other in zip(several, (*several[1:], several[0]), strict=True):
-        alone = known.get(hypothesis.place, ClassMember(hypothesis, 0.0, beside=other))
+        beside = None if other == hypothesis else other
+        alone = known.get(hypothesis.place, ClassMember(hypothesis, 0.0, recorded, beside))
         known[hypothesis.place] = replace(alone, probability=alone.probability + each)
     return ordered(known.values(), cause)
 
@@ -329,6 +341,39 @@ def with_equal_actuators(hypotheses: HypothesisSet, model: Posterior[Term], clas
             ahead = (hypotheses.gains(rest, [equal])[equal].value - own) / hypotheses.priors.temperature_of(own)
             if len(every) > 1:
                 found[cause] = _or_together(found[cause], cause, every, exp(min(ahead, 0.0)))
+    return found
+
+
+def with_further_load(hypotheses: HypothesisSet, model: Posterior[Term], classes: Classes) -> Classes:
+    """The classes in which a load that was not recorded may be in the place of causes over time or session alone.
+
+    What gives way under the recorded loads gives way under a further one. Where it hangs on or is taken off, all drives shift
+    at once, each by its own compliance. So the mechanisms of the model that give way under loads have one displacement for a
+    further payload in each of some intervals of time, at the mean of their coefficients. It is tried in the place of each such
+    cause, and of all. The probability is divided equally between the mechanisms. Study: tests/diagnosis/test_further_load.py.
+    """
+    design, groups, priors = hypotheses.design, hypotheses.groups, hypotheses.priors
+    soft = [cause for cause in causes(model) if cause.effect.load]
+    timed = [cause for cause in classes if cause.clock(design.operating_points.robot)]
+    situations = further_loads(design.operating_points, priors) if soft and timed else []
+    if not situations:
+        return classes
+    ends = np.cumsum((0, *model.widths))
+    mean = {term: model.mean[a:b] for term, a, b in zip(model.terms, ends[:-1], ends[1:], strict=True)}
+    moved = [sum((design.columns(c.basis(at)) - groups.columns(c)) @ mean[c] for c in soft) for at in situations]
+    load = SmoothTerm("platform", (str(hash((model.terms, model.scale))),), "further load")
+    if load not in groups:
+        groups.add(load, np.stack(moved, axis=1))
+    found = dict(classes)
+    for out in [[cause] for cause in timed] + [timed] * (len(timed) > 1):
+        rest = model
+        for cause in out:
+            rest = without(groups, rest, cause, sweeps=1)
+        own = model.log_evidence - rest.log_evidence
+        cost = sum(hypotheses.costs(model.terms).values()) - sum(hypotheses.costs(rest.terms).values())
+        ahead = hypotheses.gains(rest, [load])[load].value - own + cost - hypotheses.threshold + log(priors.not_varied)
+        odds = exp(min(ahead / priors.temperature_of(own), 0.0))
+        found |= {cause: _or_together(found[cause], cause, soft, odds, recorded=False) for cause in out}
     return found
 
 

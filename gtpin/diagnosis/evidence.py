@@ -358,12 +358,12 @@ def tuned(groups: Groups[K], terms: Sequence[K], scale: Sequence[float], sweeps:
 
 
 def _tuned(groups: Groups[K], model: Posterior[K], sweeps: int) -> Posterior[K]:
-    start = model.scale
-    for _ in range(sweeps if len(model.terms) > 1 else len(model.terms)):
+    start, count, same = model.scale, len(model.terms), 0
+    for i in range(sweeps * count):
         before = model.scale
-        for i in range(len(model.terms)):
-            model = _rescaled(groups, model, i)
-        if model.scale == before:
+        model = _rescaled(groups, model, i % count)
+        same = same + 1 if model.scale == before else 1  # terms whose scales are the best ones given the others
+        if same == count:
             break
     return model if model.scale == start else fixed(groups, model.terms, model.scale)
 
@@ -426,21 +426,30 @@ def _zero(groups: Groups[K], model: Posterior[K], out: npt.NDArray[np.bool_], sc
     """The model given that the coefficients of the mask ``out`` (n,), of scale ``scale``, are zero. Its terms are unchanged."""
     model, own = _factored(groups, model, out)
     C, mean = model.covariance, model.mean
-    across = cho_solve(own, C[np.ix_(out, ~out)])
+    rest = C[~out]
+    across = cho_solve(own, rest[:, out].T)
     ratio = -0.5 * float(mean[out] @ cho_solve(own, mean[out])) - float(np.log(np.diag(own[0])).sum())
     return replace(
         model,
         log_evidence=model.log_evidence + ratio + int(out.sum()) * float(np.log(scale)),
         mean=mean[~out] - across.T @ mean[out],
-        covariance=C[np.ix_(~out, ~out)] - C[np.ix_(~out, out)] @ across,
+        covariance=rest[:, ~out] - rest[:, out] @ across,
     )
+
+
+def without_coefficients(model: Posterior[Any], own: slice, scale: float) -> float:
+    """Gain in log evidence if some coefficients of a group of scale ``scale`` are zero."""
+    C, mean = model.covariance[own, own], model.mean[own]
+    return float(len(mean) * np.log(scale) - 0.5 * mean @ np.linalg.solve(C, mean) - 0.5 * np.linalg.slogdet(C)[1])
 
 
 def _more(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posterior[K]:
     """More parts, appended to the present ones: the posterior by one step of Gaussian elimination."""
     at = model.terms.index(old)
     added = groups.parts(new)[len(groups.parts(old)) :]
-    A = np.vstack([groups.across(part, model.terms) for part in added])
+    parts = [part for term in model.terms for part in groups.parts(term)]
+    # Few columns: side by side, the columns of the model would take longer than all products.
+    A = np.vstack([np.hstack([groups.block(part, other) for other in parts]) for part in added])
     gram = np.block([[groups.block(one, other) for other in added] for one in added]) - A @ model.covariance @ A.T
     moment = np.concatenate([groups.moment(part) for part in added]) - A @ model.mean
     scale, count = model.scale[at], len(moment)
@@ -448,19 +457,21 @@ def _more(groups: Groups[K], model: Posterior[K], old: K, new: K) -> Posterior[K
     mean = cho_solve(factor, moment)
     moved = model.covariance @ A.T
     across = -cho_solve(factor, moved.T).T
-    n = len(model.mean)
+    n, end = len(model.mean), sum(model.widths[: at + 1])
     covariance = np.empty((n + count, n + count))
-    covariance[:n, :n] = model.covariance - across @ moved.T
-    covariance[:n, n:], covariance[n:, :n] = across, across.T
-    covariance[n:, n:] = cho_solve(factor, np.eye(count))
-    end = sum(model.widths[: at + 1])
-    order = np.r_[:end, n : n + count, end:n]
+    own, others = slice(end, end + count), ((slice(end), slice(end)), (slice(end, n), slice(end + count, n + count)))
+    wider, shifted = model.covariance - across @ moved.T, model.mean - moved @ mean
+    for a, to_a in others:
+        for b, to_b in others:
+            covariance[to_a, to_b] = wider[a, b]
+        covariance[to_a, own], covariance[own, to_a] = across[a], across[a].T
+    covariance[own, own] = cho_solve(factor, np.eye(count))
     gain = 0.5 * float(moment @ mean) - float(np.log(scale * np.diag(factor[0])).sum())
     return replace(
         _named(groups, model, at, new),
         log_evidence=model.log_evidence + gain,
-        mean=np.concatenate([model.mean - moved @ mean, mean])[order],
-        covariance=covariance[np.ix_(order, order)],
+        mean=np.concatenate([shifted[:end], mean, shifted[end:]]),
+        covariance=covariance,
     )
 
 

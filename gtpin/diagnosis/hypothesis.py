@@ -161,14 +161,15 @@ def same_place(robot: Chain, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothT
 
 
 def alike(robot: Chain, a: Hypothesis | SmoothTerm, b: Hypothesis | SmoothTerm) -> bool:
-    """Whether one explanation could take up a part of the other: at one place, related, or within all links of a chain.
+    """Whether one explanation could take up a part of the other: at one place, related, or one of them of a whole chain.
 
-    The links of a chain move with its joints: what all links do over commands or loads, a joint can do in part.
+    All links, the platform and the frame move with the joints of a chain: what they do over commands, loads or positions, a
+    joint or a link can do in part.
     """
     if same_place(robot, a, b) or related(robot, a, b):
         return True
     kinds = ({_kind(word) for word in one.drivers(robot)} for one in (a, b))
-    chained = robot.joint_sites and "arm" in (a.site, b.site) and not {"frame", "platform"} & {a.site, b.site}
+    chained = robot.joint_sites and {"arm", "frame", "platform"} & {a.site, b.site}
     return bool(chained and set.intersection(*kinds))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.checks.prepared import prepared
+from gtpin.calibration.checks.prior_conflict import PLACES
 from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.robust_fit import Progress
@@ -25,6 +26,8 @@ from gtpin.robot.geometry import Geometry
 
 _NEVER_CONSTANT = re.compile(r"approach[0-9]+|time|temp_.*")
 """Columns that vary wherever they are recorded: a constant is a default value."""
+_OF_PLACES = ("frame", *(key for keys in PLACES.values() for key in keys))
+"""What a calibration may find other than declared of where an instrument stands."""
 _SPEED = re.compile(r"speed[0-9]+")
 """A speed of 0 everywhere says that the machine stood still. Any other recorded speed varies in the last digit."""
 
@@ -65,8 +68,12 @@ def prepare(dataset: Dataset, nominal: Chain, progress: Progress | None = None, 
     if dataset.readings.tracked:
         _check_size(usable, len(geometry.parameters) + (6 if usable.instrument.frame == "free" else 0))
     baseline = calibrate(usable, nominal, progress=progress)
-    # Random draws of rows must not depend on the order of the file.
-    own = single(replace(usable, instrument=baseline.instrument), nominal).in_order()
+    places = tuple(
+        table.model_copy(update={key: getattr(fitted, key) for key in _OF_PLACES if hasattr(fitted, key)})
+        for table, fitted in zip(usable.readings.tables, baseline.fit.problem.measured.rows.tables, strict=True)
+    )
+    usable = replace(usable, instrument=baseline.instrument, readings=replace(usable.readings, tables=places))
+    own = single(usable, nominal).in_order()  # random draws of rows must not depend on the order of the file
     declared = Readings.of(own, baseline.model.robot).declared
     sigmas = zip(declared, baseline.noise.estimated, baseline.noise.sigma, strict=False)
     kept = (own if own is not None and (shown > own or not estimated) else None for own, estimated, shown in sigmas)

@@ -180,7 +180,7 @@ def proxies(
         columns = _tried(hypothesis, partial(proxy_columns, design, hypothesis, priors), failed)
         if columns is not None:
             yield Proxy(hypothesis, columns, odds(at, hypothesis, priors))
-    spells = loaded(at, priors)
+    spells = [] if "payload" in at.covariates else further_loads(at, priors)
     for hypothesis in testable if spells else ():
         if "payload" in hypothesis.coordinates(at.robot) and not hypothesis.effect.has_nonlinear:
             columns = _tried(hypothesis, partial(_under, design, hypothesis, spells), failed)
@@ -309,10 +309,11 @@ def pauses(at: OperatingPoints, priors: Priors = PRIORS) -> Floats:
     return np.asarray(time[1:][longest[waits[longest] > priors.pause * max(float(usual), 1e-9)]])
 
 
-def loaded(at: OperatingPoints, priors: Priors = PRIORS) -> list[OperatingPoints]:
-    """Situations with a payload in one interval of time each, as proxies; none where the payload was recorded."""
+def further_loads(at: OperatingPoints, priors: Priors = PRIORS) -> list[OperatingPoints]:
+    """Situations with a payload beyond the recorded one in one interval of time each; none without a column of time."""
     clock = next((n for n in CLOCKS if at.varies(n)), None)
-    if "payload" in at.covariates or clock is None:
+    if clock is None:
         return []
+    recorded = at.covariate("payload") if "payload" in at.covariates else np.zeros(len(at))
     spell = np.argsort(np.argsort(at.covariate(clock))) * SPELLS // len(at)
-    return [at.with_covariate("payload", np.where(spell == k, priors.payload, 0.0)) for k in range(SPELLS)]
+    return [at.with_covariate("payload", recorded + np.where(spell == k, priors.payload, 0.0)) for k in range(SPELLS)]

@@ -34,6 +34,8 @@ COARSE = 0.7
 normal density by exp(-2 pi^2 0.7^2) = 6e-5, and the grid before it, of three times the step, left 4.3 standard deviations."""
 
 
+SLOPE = 1e-5
+"""Relative step of a value for slopes by differences."""
 ALIKE = 0.3
 """Smallest gain of another maximum, relative to the best value's, for which both are added together. Derived: a line
 explains up to 0.047 of another one's power where commands are spread evenly (the largest side lobe of a rectangular window);
@@ -177,7 +179,7 @@ class Scan:
         values that can't be distinguished from them are left out. Where no value is left, the gain is ``NO_GAIN`` and the
         value means nothing.
         """
-        gains = self._all_gains(model, self._resolved(self.values, others))
+        gains = self._all_gains(model, self.resolved(self.values, others))
         top = int(np.argmax(gains))
         if gains[top] <= NO_GAIN:
             return BestValue(float(self.values[top]), 0.0, NO_GAIN)
@@ -203,11 +205,43 @@ class Scan:
         found = self._refined(model, others, around)
         return BestValue(found.value, found.sigma, found.gain - float(np.log(len(ordered))))
 
+    def improved(self, model: Posterior[Any], values: Sequence[float], first: int) -> tuple[Floats, Floats]:
+        """(L,) for each value of the effect in a model, the best value given all others, to first order, and (L,) its standard
+        deviation.
+
+        With the model's columns X, M = 1 + B B', and the mean c and the covariance C of its coefficients, the log evidence has
+        the slope c' X_l,v' M^-1 (y - X c) - tr(X_l,v' M^-1 X C_l) by value v of columns X_l, and the negative second derivative
+        c' X_l,v' (M^-1 - M^-1 X C X' M^-1) X_l,v c, at fixed scales.
+
+        ``values``: of the model. ``first``: index of the first coefficient of the first one; they follow each other.
+        """
+        step = SLOPE * np.asarray(values)
+        above, below = (self._displacements(np.asarray(values) + way * step) for way in (1.0, -1.0))
+        slopes = (above - below) / (2.0 * step[:, None, None])
+        products, (seen, halves) = self._products(slopes), self._side_by_side(model)
+        count, width = products.moments.shape
+        own = slice(first, first + count * width)
+        across = slopes.reshape(-1, slopes.shape[2]) @ seen - products.halves.T @ halves
+        c = model.mean[own].reshape(count, width)
+        score = (c * (products.moments - (across @ model.mean).reshape(count, width))).sum(axis=1)
+        score -= (across * model.covariance[own]).sum(axis=1).reshape(count, width).sum(axis=1)
+        along = (c[:, :, None] * across.reshape(count, width, -1)).sum(axis=1)
+        information = ((c[:, None, :] @ products.grams)[:, 0] * c).sum(axis=1)
+        information -= ((along @ model.covariance) * along).sum(axis=1)
+        information = np.maximum(information, 1e-300)
+        return np.asarray(values) + score / information, 1.0 / np.sqrt(information)
+
+    def step(self, value: float) -> float:
+        """Step of the scan at a value."""
+        ordered = np.sort(self.values)
+        at = int(np.clip(np.searchsorted(ordered, value), 1, len(ordered) - 1))
+        return float(ordered[at] - ordered[at - 1])
+
     def _refined(self, model: Posterior[Any], others: Sequence[float], near: Floats) -> BestValue:
         """The best value between two values, on successively finer grids: the posterior mean, or the best of the last."""
 
         def gains_at(values: Floats) -> Floats:
-            return np.where(self._resolved(values, others), self._gains_at(values, model), NO_GAIN)
+            return np.where(self.resolved(values, others), self._gains_at(values, model), NO_GAIN)
 
         for _ in range(REFINEMENTS):
             finer = np.linspace(near.min(), near.max(), REFINED)
@@ -240,7 +274,7 @@ class Scan:
         left[top] = NO_GAIN
         found.append(float(self.values[top]))
         while True:
-            left = np.where(self._resolved(self.values, found), left, NO_GAIN)
+            left = np.where(self.resolved(self.values, found), left, NO_GAIN)
             at = int(np.argmax(left))
             if left[at] < least:
                 return tuple(result)
@@ -249,15 +283,16 @@ class Scan:
             result.append((found[-1], float(np.ptp(near)), float(left[at]) - trials))
             left[at] = NO_GAIN
 
-    def _resolved(self, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:
+    def resolved(self, values: Floats, others: Sequence[float]) -> npt.NDArray[np.bool_]:
         """(S,) which values an effect of a user's own or the catalogue distinguishes; never one that the model has already."""
         found = self.effect.resolved(self.design.operating_points, self.site, values, others)
         return np.asarray(found & ~np.isin(values, others))
 
     def _all_gains(self, model: Posterior[Any], wanted: npt.NDArray[np.bool_]) -> Floats:
         """(S,) gains of the values that are ``wanted``, ``NO_GAIN`` for others and where the core gains little."""
-        gains = self._gains(self._cores[1], model, self._cores_across(model) if model.terms else None)
-        if self._core == slice(None) or not wanted.any():
+        whole = self._core == slice(None)
+        gains = self._gains(self._cores[1], model, self._cores_across(model) if model.terms else None, not whole)
+        if whole or not wanted.any():
             return np.where(wanted, gains, NO_GAIN)
         top = gains[wanted].max()
         likely = wanted & (gains >= min(LIKELY * top, top))
@@ -278,13 +313,17 @@ class Scan:
         across = displacements.reshape(-1, len(seen)) @ seen - products.halves.T @ halves
         return self._gains(products, model, across.reshape(*products.moments.shape, -1))
 
-    def _gains(self, products: _InnerProducts, model: Posterior[Any], across: Floats | None) -> Floats:
-        """(S,) gains in log evidence given a model, at the best scales."""
+    def _gains(
+        self, products: _InnerProducts, model: Posterior[Any], across: Floats | None, rough: bool = False
+    ) -> Floats:
+        """(S,) gains in log evidence given a model, at the best scales; ``rough``: to single precision, in half the time."""
         grams, moments = products.grams, products.moments
         if across is not None:
             moments = moments - across @ model.mean
+            kind: npt.DTypeLike = np.float32 if rough else np.float64
+            across, covariance = across.astype(kind, copy=False), model.covariance.astype(kind, copy=False)
             # One product of all values with the covariance: one after the other takes twice as long.
-            fitted = (across.reshape(-1, len(model.mean)) @ model.covariance).reshape(across.shape)
+            fitted = (across.reshape(-1, len(model.mean)) @ covariance).reshape(across.shape)
             grams = grams - fitted @ across.transpose(0, 2, 1)
         return best_scales(grams, moments, self.effect.core, self.priors)[0]
 

@@ -27,6 +27,7 @@ from gtpin.diagnosis.evidence import (
     fixed,
     tuned,
     without,
+    without_coefficients,
 )
 from gtpin.diagnosis.hypothesis import (
     Hypothesis,
@@ -444,16 +445,22 @@ def _extend(
     1e-9 of their units) and scales: from one of them on, the steps are the same.
     """
     last: dict[tuple[str, str], float] = {}
+    net: dict[Term, float] = {}
+    known: set[frozenset[tuple[Term, int]]] = set()
     way = []
     while True:
-        values = (tuple(np.round(t.values, 9)) if isinstance(t, Hypothesis) else () for t in model.terms)
+        values = [tuple(np.round(t.values, 9)) if isinstance(t, Hypothesis) else () for t in model.terms]
         way.append(frozenset(zip(map(hypotheses.without_value, model.terms), values, model.scale, strict=True)))
         if way[-1] in passed:
             model = passed[way[-1]]
             break
-        lines = further_lines(hypotheses, model, last=last)
-        gains = hypotheses.net_gains(model, _with_room(hypotheses, model, terms)) if len(model.terms) < largest else {}
-        best = max(gains.values(), key=lambda g: g.whole, default=None)
+        # Where nothing gained, small changes of the lines make nothing gain.
+        shape = frozenset((hypotheses.without_value(t), len(v)) for t, v in zip(model.terms, values, strict=True))
+        every = shape not in known
+        lines = further_lines(hypotheses, model, last=last, every=every)
+        best = _best(hypotheses, model, terms, net, every) if len(model.terms) < largest else None
+        if every and lines is None and (best is None or best.whole < 0.0):
+            known.add(shape)
         # Gains are computed with fixed scales: where the step of larger gain does not increase the log posterior, the other is
         # tried.
         steps = ["term", "lines"] if lines is None or (best and best.whole >= lines[0]) else ["lines", "term"]
@@ -469,16 +476,40 @@ def _extend(
             if hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
                 break
         else:
-            larger, again = model, with_lines_reestimated(hypotheses, model)
-            while hypotheses.log_posterior(again) > hypotheses.log_posterior(larger) + 1e-9:
-                larger, again = again, with_lines_reestimated(hypotheses, again)
-            if larger is model:  # the lines are final: the most costly step comes last
-                larger = _with_lines_instead(hypotheses, model)
-            if not hypotheses.log_posterior(larger) > hypotheses.log_posterior(model) + 1e-9:
+            larger = with_lines_reestimated(hypotheses, model)
+            if hypotheses.log_posterior(larger) < hypotheses.log_posterior(model) + LINES_CONVERGED:
+                larger = _with_lines_instead(hypotheses, larger)  # the most costly step comes last
+            if hypotheses.log_posterior(larger) < hypotheses.log_posterior(model) + LINES_CONVERGED:
+                model = larger
                 break
         model = larger
     passed |= dict.fromkeys(way, model)
     return model
+
+
+def _best(
+    hypotheses: HypothesisSet, model: Posterior[Term], terms: Sequence[Term], net: dict[Term, float], every: bool
+) -> Gain | None:
+    """The largest gain in log posterior by one more term that fits into a model; None where no term fits.
+
+    ``net``: gains of the terms beside an earlier, smaller model; they are updated here. A term seldom gains more in a larger
+    model, so those that gained less than the best one now are computed again only where none gains, and ``every`` is true.
+    """
+    left = sorted(_with_room(hypotheses, model, terms), key=lambda t: -net.get(t, np.inf))
+    best: Gain | None = None
+    while left:
+        least = max(best.whole if best else 0.0, 0.0)
+        if net.get(left[0], np.inf) > least:
+            count = max(sum(t not in net for t in left), 1)
+        elif every and (best is None or best.whole < 0.0):
+            count = len(left)
+        else:
+            break
+        found = hypotheses.net_gains(model, left[:count])
+        net |= {term: gain.whole for term, gain in found.items()}
+        best = max([*([best] if best else []), *found.values()], key=lambda g: g.whole, default=None)
+        left = left[count:]
+    return best
 
 
 def _with_lines_instead(hypotheses: HypothesisSet, model: Posterior[Term]) -> Posterior[Term]:
@@ -570,6 +601,9 @@ FEW_LINES = 3
 fifty periods near its last one are tried. Assumed."""
 SAME_PERIOD = 0.1
 """Change of a period, in standard deviations, below which the line is not changed. Assumed."""
+SHORT_STEP = 0.5
+"""Largest step of Newton's method to a better period, and its largest standard deviation, in steps of the scan, of which there
+are six in the width of a maximum. Otherwise periods near the last one are tried."""
 LINE_SWEEPS, LINES_CONVERGED = 6, 0.1
 """Most times that all lines are estimated again, and the gain in log posterior, nats, below which this stops. Assumed."""
 
@@ -579,6 +613,7 @@ def further_lines(
     model: Posterior[Term],
     terms: Collection[Hypothesis] | None = None,
     last: dict[tuple[str, str], float] | None = None,
+    every: bool = True,
 ) -> tuple[float, Hypothesis, Hypothesis] | None:
     """The periodic error of a model that gains most by more lines: (gain, hypothesis with these lines, hypothesis without).
 
@@ -586,14 +621,14 @@ def further_lines(
 
     ``terms``: only these of its periodic errors. ``last``: gains of each periodic error in an earlier, smaller model, by place;
     they are updated here. A line seldom gains more in a larger model, so those that gained less than the best one now are not
-    computed again.
+    computed again; those that gained nothing only where ``every`` is true, and no other gains.
     """
     if not hypotheses.long or len(model.mean) >= hypotheses.priors.most_coefficients * hypotheses.design.count:
         return None
     best: tuple[float, Hypothesis, Hypothesis] | None = None
     last = {} if last is None else last
     for term in sorted(causes(model) if terms is None else terms, key=lambda t: -last.get(t.place, np.inf)):
-        if best and last.get(term.place, np.inf) <= best[0]:
+        if (best or not every) and last.get(term.place, np.inf) <= (best[0] if best else 0.0):
             break
         if not 0 < len(term.values) < term.effect.most_values or term.template not in hypotheses.scanned:
             continue
@@ -652,14 +687,16 @@ def with_lines(hypotheses: HypothesisSet, rest: Posterior[Term], term: Hypothesi
 
 def _reestimate_lines(hypotheses: HypothesisSet, model: Posterior[Term], term: Hypothesis) -> Posterior[Term]:
     """The model with each line of a hypothesis estimated again given the others, or left out where that increases the log
-    posterior."""
-    for old in term.lines:
+    posterior; of many lines only those that would change."""
+    for old, changes in zip(term.lines, _changing(hypotheses, model, term), strict=True):
+        if not changes:
+            continue
         if len(term.values) < 2:  # its lines were equal
             break
         less = term.with_lines([line for line in term.lines if line != old])
         without_it = hypotheses.replaced(model, term, less)
         candidates = [(less, without_it)] if len(less.values) > 1 else []
-        found = _estimated(hypotheses, without_it, less, old)
+        found = _estimated(hypotheses, model, term, old, without_it, less)
         if abs(found[0] - old[0]) > SAME_PERIOD * found[1]:
             again = less.with_lines((*less.lines, found))
             candidates.insert(0, (again, hypotheses.replaced(without_it, less, again)))
@@ -669,13 +706,46 @@ def _reestimate_lines(hypotheses: HypothesisSet, model: Posterior[Term], term: H
     return model
 
 
+def _changing(hypotheses: HypothesisSet, model: Posterior[Term], term: Hypothesis) -> list[bool]:
+    """Whether each line of a hypothesis may have another period given the others, or be left out."""
+    if len(term.lines) <= FEW_LINES:
+        return [True] * len(term.lines)
+    at, groups = model.terms.index(term), hypotheses.groups
+    place, scale = sum(model.widths[:at]), model.scale[at]
+    best, sigma = hypotheses.scan(term.template).improved(model, term.values, place)
+    found = np.abs(best - term.values) > SAME_PERIOD * sigma
+    for i, part in enumerate(groups.parts(term)):
+        own = slice(place, place + groups.width(part))
+        found[i] |= without_coefficients(model, own, scale) + hypotheses.priors.line > 0.0
+        place = own.stop
+    return [bool(changes) for changes in found]
+
+
 def _estimated(
-    hypotheses: HypothesisSet, model: Posterior[Term], others: Hypothesis, old: tuple[float, float]
+    hypotheses: HypothesisSet,
+    model: Posterior[Term],
+    term: Hypothesis,
+    old: tuple[float, float],
+    without_it: Posterior[Term],
+    others: Hypothesis,
 ) -> tuple[float, float]:
-    """A line's period given the other lines, and its standard deviation; the old ones where no other is distinguished."""
+    """A line's period given the other lines, and its standard deviation; the old ones where no other is distinguished.
+
+    ``model``, ``term``: with the line. ``without_it``, ``others``: without it. One step of Newton's method where it is short.
+    """
     scan = hypotheses.scan(others.template)
-    few = len(others.values) < FEW_LINES
-    found = scan.best(model, others.values) if few else scan.near(model, old[0], others.values)
+    if len(others.values) < FEW_LINES:
+        found = scan.best(without_it, others.values)
+        return old if found.gain <= NO_GAIN else (found.value, found.sigma)
+    at = model.terms.index(term)
+    parts = hypotheses.groups.parts(term)
+    before = term.values.index(old[0])
+    first = sum(model.widths[:at]) + sum(hypotheses.groups.width(part) for part in parts[:before])
+    (value,), (sigma,) = scan.improved(model, old[:1], first)
+    short = max(abs(value - old[0]), sigma) < SHORT_STEP * scan.step(old[0])
+    if short and scan.resolved(np.array([value]), others.values).all():
+        return float(value), float(sigma)
+    found = scan.near(without_it, old[0], others.values)
     return old if found.gain <= NO_GAIN else (found.value, found.sigma)
 
 

@@ -2,8 +2,8 @@
 
 What moves or changes, and of what it is a smooth function:
 
-- a cart, or a joint of a robot without rods, in all directions: its own command, two commands, time, temperature, load,
-  direction of approach, or speed;
+- a cart, or a joint of a robot without rods, in all directions: its own command, two commands, its command and load, time,
+  temperature, load, direction of approach, or speed;
 - the length of a link: its load, its direction, directions of approach, or speeds;
 - all links together, the platform, or the frame: time, session, temperature, payload, position; not links: force at the TCP;
   not the frame: directions of approach, speeds;
@@ -53,6 +53,8 @@ ROUGH, ROUGH_ASIDE = 40, 28
 """Half waves of a rough function over an actuator's travel, along and across it; its sizes fall with 1/k, as those of a
 Gaussian process with the exponential kernel (Rasmussen and Williams 2006, section 4.2). Assumed: more than the 20 of the smooth
 effects over the travel, so that an error that is rougher than these (a pit) is not taken for one of them."""
+LOADED = 20
+"""Half waves of a deviation along an actuator's travel that grows with the load. Assumed: those of the smooth effects."""
 COMMON = ("field", "scale")
 """``SmoothTerm.motion`` of terms of all carts: they belong to no single site, and count in no site's share of the gap."""
 
@@ -75,6 +77,16 @@ def _of_carts(at: OperatingPoints, priors: Priors) -> Terms:
         across = [(f"q{j + 1}", f"q{k + 1}", k) for k in range(at.robot.n_actuators) if k != j]
         along: list[tuple[tuple[str, ...], Floats, Floats]] = [((f"q{j + 1}",), *smooth_cosines(at, j, ROUGH, 1.0))]
         along += [((a, b), *_plane(own, at.travel[:, k], 5)) for a, b, k in across]
+        if loaded(at, site):  # an error that grows with the load: a wheel that is pressed into its teeth
+            waves, size = smooth_cosines(at, j, LOADED, 1.0)
+            pressed = np.clip(drive_load(at, site) / 2.0, -1.5, 1.5)[:, None] * waves
+            along.append(
+                (
+                    (f"q{j + 1}", "load"),
+                    np.hstack([waves, pressed]),
+                    np.concatenate([size, priors.smooth_change * size]),
+                )
+            )
         for over, waves, size in (*along, *_conditions(at), *_load(at, j, 4), *_moves(at, j, 3)):
             yield (
                 SmoothTerm(site, over, "along"),

@@ -15,6 +15,7 @@ from gtpin.diagnosis.classes import (
     unnamed,
     with_all_actuators,
     with_equal_actuators,
+    with_further_load,
     with_shared_loads,
     with_two_instead,
 )
@@ -22,6 +23,7 @@ from gtpin.diagnosis.evidence import NOTHING, Posterior, fixed, marginal_power, 
 from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term, alike
 from gtpin.diagnosis.noise import SearchState, drive_beyond_noise, reestimate_noise
 from gtpin.diagnosis.priors import LIKELY, SURE
+from gtpin.diagnosis.propose import UNLOADED
 from gtpin.diagnosis.result import Considered, Doubt, FlexibleFamily, Member, Undecided, Verdict
 from gtpin.diagnosis.search import HypothesisSet, causes, chance_lines, scales, search, smooth_of, with_residuals
 from gtpin.effects.effect import Nature
@@ -150,9 +152,10 @@ def considered(
 ) -> tuple[Considered, ...]:
     """All hypotheses that were tested, the largest gain in log evidence first, then those that could not be tested."""
     members = [m for every in found.classes.values() for m in every]
-    probability = {m.hypothesis.place: m.probability for m in members}
-    asked = {m.hypothesis.place for m in members if not m.recorded} | set(could_be)
-    reason = {p.hypothesis.place: p.reason for p in hypotheses.proxies if p.hypothesis.place in asked}
+    probability = {m.hypothesis.place: m.probability for m in sorted(members, key=lambda m: m.probability)}
+    lacking = {m.hypothesis.place for m in members if not m.recorded}
+    asked = {p.hypothesis.place: p.reason for p in hypotheses.proxies if p.hypothesis.place in lacking | set(could_be)}
+    reason = dict.fromkeys(lacking, UNLOADED) | asked
     alone = hypotheses.gains(NOTHING, hypotheses.named)
     tested = [
         Considered(*h.place, alone[h].value, probability.get(h.place, 0.0), True, reason.get(h.place))
@@ -220,7 +223,7 @@ def decide(hypotheses: HypothesisSet, guess: Posterior[Term] = NOTHING) -> Concl
             del classes[cause]
     if not needed:  # where something is unknown, the second of two would explain that, not what the cause explains
         classes = dict(with_two_instead(hypotheses, named, classes))
-    for more in (with_shared_loads, with_all_actuators, with_equal_actuators):
+    for more in (with_shared_loads, with_all_actuators, with_equal_actuators, with_further_load):
         classes = dict(more(hypotheses, named, classes))
     doubts = tuple(Doubt("smooth_term", term.site, term.over) for term in needed)
     model, unknown = hypotheses.only(named, causes(named)), hypotheses.only(named, needed)

@@ -125,7 +125,10 @@ def _smooth_beside(
 def _gains(hypotheses: HypothesisSet, members: Iterable[ClassMember], less: Posterior[Term]) -> dict[Place, float]:
     """Gain of members of a class beside the model ``less``, by place; with the proxy where a covariate was not recorded."""
     proxies = {proxy.hypothesis: proxy for proxy in hypotheses.proxies}
-    terms = {m.hypothesis.place: m.hypothesis.template if m.recorded else proxies[m.hypothesis] for m in members}
+    terms = {
+        m.hypothesis.place: m.hypothesis.template if m.recorded else proxies.get(m.hypothesis, m.hypothesis.template)
+        for m in members
+    }
     gains: Mapping[Term, Gain] = hypotheses.gains(less, terms.values())
     return {place: gains[term].value for place, term in terms.items() if term in gains}
 

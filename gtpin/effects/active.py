@@ -217,10 +217,14 @@ def warn_of_extrapolation(
 
 
 def warn_of_other_times(effects: Sequence[ActiveEffect], robot: Chain, covariates: Mapping[str, Column]) -> None:
-    """Warn of effects that change with ``time`` at times outside those of their fit."""
+    """Warn of effects that change with ``time`` where there are no times, or times outside those of their fit."""
     for active in effects:
-        with_time = "time" in (*active.effect.covariates(robot, active.site), *active.effect.uses)
-        if not with_time or "time" not in covariates or "time" not in active.references.covariates:
+        needed = active.effect.covariates(robot, active.site)
+        if "time" not in (*needed, *active.effect.uses) or "time" not in active.references.covariates:
+            continue
+        if "time" not in covariates:
+            if "time" not in needed:
+                warn(f"there is no column time: {active.name} is taken as it was at the end of its fit")
             continue
         start, span = active.references.time
         time = np.atleast_1d(np.asarray(covariates["time"], dtype=float))

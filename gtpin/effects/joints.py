@@ -171,7 +171,7 @@ class BearingCompliance(Effect):
             rocking = np.concatenate([rocking, at.bodies.frame(frame.index)[0] @ aside], axis=2)
             sizes += [MODULATION.pivot] * 3 + [MODULATION.aside] * 2
             if at.has("time"):
-                late = (np.clip(at.time, -1.0, 1.0) + 1.0) / 2.0 if "time" in at.covariates else np.ones(len(at))
+                late = (at.lateness + 1.0) / 2.0
                 grown = float(np.linalg.norm(frame.across @ mean)) * (1.0 - np.exp(-late / SETTLES))
                 turns = grown[:, None, None] * frame.across.T  # (N, 3 axes, 2 coefficients)
                 settles = np.concatenate([np.cross(turns, -base, axisa=1, axisb=0, axisc=1), turns], axis=1)

@@ -196,8 +196,7 @@ class ThermalLinks(Effect):
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         warm = at.covariate("temp_link") - at.references.temperature
-        late = np.clip(at.time, -1.0, 1.0) if at.has("time") else np.zeros(len(at))
-        common = np.stack([warm, warm * np.abs(warm) / 5.0, warm * late], axis=1)
+        common = np.stack([warm, warm * np.abs(warm) / 5.0, warm * at.lateness], axis=1)
         rods = len(rods_of(at, site))
         own = rods if rods > 1 else 0
         strain = np.repeat(common[:, None], rods or len(links_at(at.robot, site)), axis=1)

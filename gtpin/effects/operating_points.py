@@ -268,6 +268,14 @@ class OperatingPoints:
         start, span = self.references.time
         return np.asarray(2.0 * (self.covariate("time") - start) / span - 1.0)
 
+    @property
+    def lateness(self) -> Floats:
+        """(N,) ``time`` within the fit's range, -1 to 1: outside, nothing is known of a change. Poses without a time are of its
+        end; where the fit had none, 0."""
+        if "time" in self.covariates:
+            return np.clip(self.time, -1.0, 1.0)
+        return np.full(len(self), float(self.has("time")))
+
     @cached_property
     def travel(self) -> Floats:
         """(N, n) commands without unit, from -1 at the lower to 1 at the upper end of the actuator's range.

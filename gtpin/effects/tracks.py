@@ -148,8 +148,7 @@ class ThermalTrack(Effect):
         columns = [warm * q, warm, warm * q * at.travel[:, j]]
         sizes = [1.0, 0.7, MODULATION.uneven]
         if at.has("time"):
-            late = np.clip(at.time, -1.0, 1.0)  # beyond the fit nothing is known of it
-            columns += [warm * q * late, warm * late]
+            columns += [warm * q * at.lateness, warm * at.lateness]
             sizes += [MODULATION.late, MODULATION.late_zero]
         return along_track(at, site, np.stack(columns, axis=1), unit(sizes, 1e-5))
 

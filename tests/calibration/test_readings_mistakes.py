@@ -126,6 +126,28 @@ def test_planes_with_each_other_s_names_are_named(tmp_path):
     assert "bed.plane[P].height" in said or "readings of bed" in said
 
 
+@pytest.mark.parametrize("off", [0.03, 0.1])
+def test_a_bed_that_is_declared_elsewhere_is_told_and_the_geometry_is_as_with_the_right_place(tmp_path, off):
+    planes = {name: p | {"point": [*p["point"][:2], p["point"][2] + off]} for name, p in TOUCHES.said["planes"].items()}
+    right, nothing = warned(tmp_path, TOUCHES)
+    found, said = warned(tmp_path, TOUCHES.saying(planes=planes))
+    assert "bed does not look to be where dataset.toml has it" in said
+    assert "does not look to be" not in nothing
+    assert "not this machine" not in said
+    shift = np.array([value for u, value in zip(found.unknowns, found.u, strict=True) if u.name.endswith("height")])
+    np.testing.assert_allclose(
+        shift, -off, rtol=0, atol=0.012
+    )  # a bed 100 mm off, as its tilts of 1 mrad and heights know it
+    assert (np.abs(found.values - right.values) < 3.0 * np.hypot(found.sigma, right.sigma)).all()
+
+
+def test_a_drive_whose_zero_is_off_is_not_told_as_a_bed_elsewhere(tmp_path):
+    shifted = TOUCHES.q + np.array([0.0, 0.0, 0.02])
+    _, said = warned(tmp_path, replace(TOUCHES, q=shifted))
+    assert "the geometry as a whole is farther from nominal" in said
+    assert "does not look to be" not in said
+
+
 def test_a_known_distance_that_is_a_centimetre_off_is_warned_of(tmp_path):
     distances = [[a, b, d + 0.01, s] for a, b, d, s in CUP.said["distances"]]
     _, said = warned(tmp_path, CUP.saying(distances=distances))

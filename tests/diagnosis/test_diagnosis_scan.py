@@ -185,3 +185,30 @@ def test_a_scan_that_gains_nothing_anywhere_says_so():
     groups: Groups[object] = Groups(Marginal(design.B), design.y)
     model = beside_linearity(design, groups)
     assert Scan(design, groups, RackStep(), SITE).best(model).gain < 0.0
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_how_far_a_value_is_from_the_best_one_is_known_without_a_scan(seed):
+    """Beside another value and smooth waves, as the evidence of models with values near it says."""
+    effect, setting = FewPeriods(), 0.021
+    design = problem(effect, setting, seed)
+    groups: Groups[object] = Groups(Marginal(design.B), design.y)
+    start, at = beside_linearity(design, groups), design.operating_points
+
+    def model(period: float) -> Posterior[object]:
+        for value in (period, 0.0262):
+            if value not in groups:
+                groups.add(value, design.columns(effect.basis(at, SITE, value)))
+        return fixed(groups, (*start.terms, period, 0.0262), (1.0, 1.0, 1.0))
+
+    periods = setting * (1.0 + 3e-3 * np.linspace(-1.0, 1.0, 201))
+    evidence = np.array([model(period).log_evidence for period in periods])
+    best = int(np.argmax(evidence))
+    assert 0 < best < 200
+    curve = np.polyfit(periods[best - 5 : best + 6] - periods[best], evidence[best - 5 : best + 6], 2)
+    sigma = 1.0 / np.sqrt(-2.0 * curve[0])
+    tried = periods[best] - curve[1] / (2.0 * curve[0]) + sigma * np.array([-0.5, 0.0, 0.5])
+    scan_ = Scan(design, groups, effect, SITE)
+    found = [scan_.improved(model(period), (period, 0.0262), start.mean.size) for period in tried]
+    assert_allclose([value for (value, _), _ in found], np.full(3, tried[1]), atol=0.1 * sigma)
+    assert_allclose([own for _, (own, _) in found], sigma, rtol=0.2)

@@ -155,6 +155,6 @@ def test_repeated_visits_without_more_noise_end_the_check(monkeypatch: pytest.Mo
         [int(row) for row in dict(zip(dataset.visits.tolist(), range(len(dataset)), strict=True)).values()]
     )
     monkeypatch.setattr(check, "rough_guess", searched)
-    assert check.understated_noise(prepared, scope) == {}
+    assert check.understated_noise(prepared, scope) == ({}, 0.0)
     with pytest.raises(SearchedError):  # one visit of each pose says nothing of the noise
         check.understated_noise(prepare(without, robot), scope)

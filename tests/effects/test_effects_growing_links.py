@@ -46,7 +46,7 @@ def test_all_links_grow_by_what_each_link_does(name: str) -> None:
     np.testing.assert_allclose(every, np.sum(each, axis=0), rtol=0, atol=1e-12)
 
 
-def test_a_prediction_at_a_later_time_than_the_fit_s_is_warned_of() -> None:
+def test_a_prediction_at_no_time_or_a_later_one_than_the_fit_s_is_as_at_its_end() -> None:
     """How an expansion changes with time is known within the time of the fit."""
     robot = robot_of(MACHINES["five_bar"])
     q = np.zeros((3, 2))
@@ -62,3 +62,6 @@ def test_a_prediction_at_a_later_time_than_the_fit_s_is_warned_of() -> None:
         later_on = predict(model, commands).T
     at_the_end = gtpin.Commands(np.array(["a"]), q[:1], {"temp_link": np.array([25.0]), "time": np.array([1000.0])})
     np.testing.assert_allclose(later_on[2], predict(model, at_the_end).T[0], rtol=0, atol=1e-15)  # as it was last
+    without = gtpin.Commands(np.array(["a"]), q[:1], {"temp_link": np.array([25.0])})
+    with pytest.warns(gtpin.GtpinWarning, match="no column time: thermal_links@arm is taken as it was at the end"):
+        np.testing.assert_allclose(predict(model, without).T, later_on[2:], rtol=0, atol=1e-15)

@@ -39,12 +39,13 @@ LAYERS = (
     ("extras",),
     ("bench",),
     ("cli",),
-    ("__main__", "sim"),
+    ("__main__", "plant", "sim"),
 )
 """Folders and single files of the package, the lowest first. ``robot`` reads ``data`` for the names of commands; ``bench``
 makes machines and judges answers."""
-NOT_CORE = ("extras", "bench", "sim")
-"""Parts that the core reaches by entry points alone; ``sim`` is the public name of a part of ``extras.simulators``."""
+NOT_CORE = ("extras", "bench", "plant", "sim")
+"""Parts that the core reaches by entry points alone; ``plant`` is the former name of ``bench.simulator``, ``sim`` the public
+name of a part of ``extras.simulators``."""
 ASKING = {
     "calibration/checks/after_fit.py": 1,
     "calibration/checks/before_fit.py": 1,

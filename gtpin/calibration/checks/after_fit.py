@@ -26,7 +26,7 @@ from gtpin.calibration.checks.moved import (
     initial_noise,
     stretch,
 )
-from gtpin.calibration.checks.prior_conflict import prior_conflict, with_wider_tolerances
+from gtpin.calibration.checks.prior_conflict import PLACES, PriorConflict, prior_conflict, with_wider_tolerances
 from gtpin.calibration.checks.readings import misread, rotation_readings
 from gtpin.calibration.checks.recognise import either
 from gtpin.calibration.checks.suspected import far_from_declared, refuse, suspect, warn_of_far_parameters, zeros_off
@@ -42,7 +42,7 @@ from gtpin.data.instrument_tables import TrackerTable
 from gtpin.data.names import ORIENTATION
 from gtpin.data.plausible import named_poses
 from gtpin.distributions import chi2
-from gtpin.errors import ConvergenceError, DatasetError, warn
+from gtpin.errors import ConvergenceError, DatasetError, listed, warn
 from gtpin.instruments.frame_and_target import AWAY
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
@@ -151,32 +151,36 @@ def _without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
 
     Warns: of this. Where a target that is not where it is declared explains the contradiction better, only of the target.
     """
-    admitted, text = _admitted(fit, settled)
+    admitted, text, elsewhere = _admitted(fit, settled)
     if text and (doubt := _elsewhere_on_platform(fit, admitted)):
         warn(doubt)
         return replace(admitted, doubt=doubt)
-    warn_of_far_parameters(settled, about_track(settled.fit.point.model.geometry))
+    warn_of_far_parameters(admitted if elsewhere else settled, about_track(settled.fit.point.model.geometry))
     if text:
         warn(text)
     return admitted
 
 
-def _admitted(fit: RobustFit, settled: FitState) -> tuple[FitState, str]:
-    """The result without the assumption that the data contradict, and what to say of it; empty where there is none."""
+def _admitted(fit: RobustFit, settled: FitState) -> tuple[FitState, str, bool]:
+    """The result without the assumption that the data contradict, and what to say of it; empty where there is none. And whether
+    it is of where an instrument stands."""
     found = prior_conflict(settled)
     far = np.abs(settled.deviation).max(initial=0.0) > limits.FAR_FROM_PRIOR
     # Where no parameter deviates so far, the priors may be contradicted by another cause, such as a ball out of round.
-    if settled.widened == 1.0 and (found is None or (found.what != "frame" and not far)):
-        return settled, ""
+    elsewhere = found is not None and found.what in ("frame", "place")
+    if settled.widened == 1.0 and (found is None or not (far or elsewhere)):
+        return settled, "", False
     admit = "tolerances are widened to admit it"
     if settled.widened > 1.0 and (found is None or found.what == "tolerances"):
         size = f"its parameters are off by {settled.widened:.2g} times their tolerances"
-        return settled, f"the nominal model is not this machine: {size}; {admit}"
+        return settled, f"the nominal model is not this machine: {size}; {admit}", False
     assert found is not None
     if found.what == "frame":
         size = f"{found.size * 1e3:.2g} mm and {found.turn * 1e3:.2g} mrad off the robot's"
         free = 'it is fitted as free; write frame = "free", or target = [x, y, z] if the target is off the TCP'
-        return _with_free_frame(fit).run(), f"the instrument's frame looks {size}: {free}"
+        return _with_free_frame(fit).run(), f"the instrument's frame looks {size}: {free}", True
+    if found.what == "place":
+        return *_with_other_place(fit, found), True
     relaxed = fit.with_geometry(with_wider_tolerances(settled, found)).run()
     if zeros := zeros_off(relaxed):
         deviation = zeros
@@ -185,7 +189,7 @@ def _admitted(fit: RobustFit, settled: FitState) -> tuple[FitState, str]:
         deviation = f"{named} looks off by more than the tolerances allow"
     else:
         deviation = f"its parameters are off by {found.size:g} times their tolerances"
-    return relaxed, f"the nominal model is not this machine: {deviation}; {admit}"
+    return relaxed, f"the nominal model is not this machine: {deviation}; {admit}", False
 
 
 def _elsewhere_on_platform(fit: RobustFit, admitted: FitState) -> str:
@@ -209,7 +213,7 @@ def _elsewhere_on_platform(fit: RobustFit, admitted: FitState) -> str:
     start = replace(whole.start, frame=Frame())
     tried = replace(fit, whole=replace(whole, start=start, measured=readings, free_frame=False))
     try:
-        other, _ = _admitted(tried, tried.run())
+        other, *_ = _admitted(tried, tried.run())
     except ConvergenceError:
         return ""
     problem, names = other.fit.problem, [unknown.name for unknown in readings.unknowns]
@@ -243,6 +247,28 @@ def _with_free_frame(fit: RobustFit) -> RobustFit:
     tables = tuple(t.model_copy(update={"frame": "free"}) if isinstance(t, TrackerTable) else t for t in rows.tables)
     readings = Readings.of_rows(whole.measured.q, replace(rows, tables=tables), whole.measured.robot)
     return replace(fit, whole=replace(whole, measured=with_unknowns(readings.at(readings.start(fit.near)), fit.near)))
+
+
+def _with_other_place(fit: RobustFit, found: PriorConflict) -> tuple[FitState, str]:
+    """The result with wider priors of the places of an instrument's planes, stations or sockets, and what to say of it."""
+    whole, rows = fit.whole, fit.whole.measured.rows
+    table = next(table for table in rows.tables if table.name == found.site)
+    sigmas = {key: value for keys in PLACES.values() for key in keys if (value := getattr(table, key, None))}
+    wider = table.model_copy(update={key: found.size * value for key, value in sigmas.items()})
+    rows = replace(rows, tables=tuple(wider if one is table else one for one in rows.tables))
+    readings = Readings.of_rows(whole.measured.q, rows, whole.measured.robot)
+    readings = with_unknowns(readings.at(readings.start(fit.near)), fit.near)
+    settled = replace(fit, whole=replace(whole, measured=readings)).run()
+    after = settled.fit.problem.readings(settled.fit.point.x)
+    off = [
+        (abs(far), f"{one.name} {1e3 * u:+.3g} {'mm' if one.unit == 'm' else 'mrad'}")
+        for one, u, far in zip(after.unknowns, after.u, found.size * after.deviation, strict=True)
+        if one.name.startswith(f"{found.site}.") and abs(far) > limits.FAR_FROM_PRIOR
+    ]
+    named = listed([words for _, words in sorted(off, reverse=True)], limits.NAMED)
+    what = f"{found.site} does not look to be where dataset.toml has it: {named or 'its places'}; its prior sigmas are widened"
+    same = "zeros that are off together, or another base frame, look the same to these data"
+    return settled, f"{what} to admit it: correct what is declared, or give larger sigmas; {same}"
 
 
 def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
@@ -344,7 +370,7 @@ def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit, *, doubt: b
         warn_of_far_parameters(settled)
     if not found.doubt:
         check_moved(given, settled.fit.point.model.geometry, fit.whole.start.geometry, near, fit.found)
-    _warn_of_deviations(settled, fitted)
+    _warn_of_deviations(found)
     return found
 
 
@@ -374,8 +400,9 @@ def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
         warn(f"set aside as gross errors: {named_poses(kept, ~used)}")
 
 
-def _warn_of_deviations(settled: FitState, readings: Readings) -> None:
+def _warn_of_deviations(settled: FitState) -> None:
     """Warn of a geometry as a whole, and of fitted unknowns, that are farther from what is declared than their priors allow."""
+    readings = settled.fit.problem.readings(settled.fit.point.x)
     x, seen = settled.fit.point.x[: settled.fit.problem.n_geometry], settled.observability
     # Along a direction with the variance reduction l, the estimate has the variance l, in units of the squared tolerances.
     known = seen.variance_reduction > UNSEEN

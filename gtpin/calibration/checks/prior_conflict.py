@@ -1,4 +1,5 @@
-"""Whether a fitted geometry contradicts its tolerances, and which wrong assumption explains it: frame, zero, part, tolerances.
+"""Whether a fitted geometry contradicts its tolerances, and which wrong assumption explains it: frame, place, zero, part,
+tolerances.
 
 To first order the whitened residual at nominal is y ~ N(0, I + B T B' + E S E'), with B the derivative by the geometry in
 tolerances, T = I as declared, and E the derivative by other quantities that may be wrong. The marginal likelihood of y with
@@ -23,18 +24,23 @@ from gtpin.kinematics.rotations import frame_motions
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats, Mask
 
-What = Literal["frame", "zero", "part", "tolerances"]
+What = Literal["frame", "place", "zero", "part", "tolerances"]
+
+
+PLACES = {"plane": ("plane_sigma", "normal_sigma"), "station": ("station_sigma",), "point": ("socket_sigma",)}
+"""Unknown places of instruments by the names of their parameters, and the keys of dataset.toml with their prior sigmas."""
 
 
 @dataclass(frozen=True)
 class PriorConflict:
     """The wrong assumption that best explains why a fitted geometry contradicts its tolerances.
 
-    - ``what``, ``site``: what was assumed wrongly: the instrument's ``frame``, the ``zero`` of the actuator ``site``, one
-      ``part`` (the parameter ``site``), or all ``tolerances``.
+    - ``what``, ``site``: what was assumed wrongly: the instrument's ``frame``, the ``place`` of the planes, stations or sockets
+      of the instrument ``site``, the ``zero`` of the actuator ``site``, one ``part`` (the parameter ``site``), or all
+      ``tolerances``.
     - ``gain``: gain in log marginal likelihood, nats, without this assumption.
     - ``size``: how wrong it is. ``frame``: its shift, m. ``zero``: m, or rad for an arm. ``part``: deviation in units of
-      the tolerances. ``tolerances``: the factor by which they are too small.
+      the tolerances. ``tolerances``, ``place``: the factor by which these, or the prior sigmas, are too small.
     - ``turn``: rotation of a ``frame``, rad.
     """
 
@@ -111,6 +117,13 @@ class _Linear:
             shift = mean[own] * FRAME_UNIT
             size, turn = (float(np.linalg.norm(part)) for part in (shift[:3], shift[3:]))
             yield PriorConflict("frame", "frame", gains[best] - base, size, turn)
+        for table in problem.measured.rows.tables:
+            starts = tuple(f"{table.name}.{what}[" for what in PLACES)
+            own = np.isin(place, [p + k for k, u in enumerate(problem.measured.unknowns) if u.name.startswith(starts)])
+            gains = [self._evidence(np.where(own & (prior == 1.0), f**2, prior)) for f in limits.FACTORS if own.any()]
+            if gains:
+                best = int(np.argmax(gains))
+                yield PriorConflict("place", table.name, gains[best] - base, limits.FACTORS[best])
         zeros = self._alone(prior, slice(n + 6, None), limits.SCALES)
         for site, gain, mean in zip(problem.start.geometry.robot.sites, *zeros, strict=True):
             yield PriorConflict("zero", site, float(gain), float(mean) * FRAME_UNIT)
