@@ -1,4 +1,5 @@
-"""The machine that a controller's tables correct: a model under constant conditions."""
+"""The machine that a controller's tables correct: a model under constant conditions; what tables of single actuators can
+correct, and scales of the drives."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ import numpy as np
 from gtpin.compensation.compensate import machine_of
 from gtpin.data.names import is_approach
 from gtpin.effects.active import ActiveEffect
-from gtpin.effects.operating_points import Column
+from gtpin.effects.operating_points import Column, OperatingPoints
+from gtpin.effects.sites import number
 from gtpin.errors import ModelError
 from gtpin.model.model import Model
 from gtpin.typing import Floats
@@ -108,3 +110,47 @@ def _is_known(model: Model, active: ActiveEffect, session: str | None) -> bool:
     if "session" in names and session is None:
         return False
     return all(name in CONDITIONS or name.startswith(("temp_", "speed")) or is_approach(name) for name in names)
+
+
+def correctable(model: Model, session: str | None = None) -> tuple[ActiveEffect, ...]:
+    """Effects along an actuator that depend only on its position, its direction of approach, and, if given, the session."""
+    known = () if session is None else ("session",)
+    robot = model.robot
+    found = []
+    for active in model.effects:
+        if active.site in robot.sites:
+            i = number(robot, active.site)
+            own = {f"q{i}", f"approach{i}", *known}
+            if set(active.effect.coordinates(robot, active.site)) <= own and _moves_along(model, active):
+                found.append(active)
+    return tuple(found)
+
+
+def geometric_scales(model: Model) -> dict[str, float]:
+    """Travel per command of each drive by site, from the geometry alone."""
+    scales = dict.fromkeys(model.robot.sites, 1.0)
+    for parameter, deviation in model.geometry.all_deviations:
+        if parameter.kind == "scale" and parameter.part in scales:
+            scales[parameter.part] += deviation
+    return scales
+
+
+def _moves_along(model: Model, active: ActiveEffect) -> bool:
+    """Whether an effect moves its actuator in the actuator's own direction, as straightness does not."""
+    q, known = model.robot.home_q[None], CompensatedMachine(replace(model, effects=(active,))).columns(1)
+    at = OperatingPoints(model.kinematics, q, model.kinematics.forward(q), known, active.references)
+    return active.basis(at).command is not None
+
+
+def drive_scales(model: Model) -> tuple[dict[str, float], set[str]]:
+    """Travel per command of each drive by site, from a model's scales and ``encoder_scale``, and the names of the parts of the
+    model that these scales represent."""
+    scales = geometric_scales(model)
+    carried = set()
+    for active in model.effects:
+        if active.effect.exported_as == "drive_scale":
+            scales[active.site] *= (
+                1.0 + active.effect.parameters(active.coefficients, active.shape_parameter)["scale"][0]
+            )
+            carried.add(active.name)
+    return scales, carried | {"drive scales"}

@@ -6,8 +6,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from gtpin.compensation.correctable import drive_scales
-from gtpin.compensation.machine import check_session
+from gtpin.compensation.machine import check_session, drive_scales
 from gtpin.errors import GtpinError, RobotError, check_kind, warn
 from gtpin.export.loss import assumed_tool, left_out, notes_of_robots, with_losses
 from gtpin.export.urdf import changed_origins, side_file, with_anchors, with_transmissions

@@ -9,8 +9,7 @@ import numpy as np
 
 from gtpin.accuracy.expected import Undetermined, unexplained_error
 from gtpin.accuracy.workspace import well_conditioned
-from gtpin.compensation.correctable import geometric_scales
-from gtpin.compensation.machine import needed_by
+from gtpin.compensation.machine import geometric_scales, needed_by
 from gtpin.data.names import is_approach
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import Column, OperatingPoints

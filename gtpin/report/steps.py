@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from gtpin.calibration.result import Calibration
 from gtpin.compensation.compensate import NOT_THE_MACHINE
-from gtpin.compensation.correctable import correctable
+from gtpin.compensation.machine import correctable
 from gtpin.diagnosis.priors import SURE
 from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.model.dh import chain_of

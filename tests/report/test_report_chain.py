@@ -16,7 +16,7 @@ import gtpin
 from gtpin.accuracy.sensitivity import sensitivity
 from gtpin.comparison.compare import compare
 from gtpin.compensation.compensate import compensate
-from gtpin.compensation.correctable import correctable
+from gtpin.compensation.machine import correctable
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.effects.operating_points import OperatingPoints

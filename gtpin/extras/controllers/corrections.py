@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtpin.compensation.correctable import correctable, geometric_scales
-from gtpin.compensation.machine import CompensatedMachine, check_session
+from gtpin.compensation.machine import CompensatedMachine, check_session, correctable, geometric_scales
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import ModelError, warn

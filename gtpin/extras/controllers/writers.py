@@ -6,7 +6,7 @@ from functools import partial
 from math import isfinite
 from pathlib import Path
 
-from gtpin.compensation.correctable import correctable
+from gtpin.compensation.machine import correctable
 from gtpin.errors import GtpinError
 from gtpin.export.loss import left_out, not_explained
 from gtpin.export.writer import Export, TablesFor, Writer

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtpin.compensation.correctable import correctable, geometric_scales
+from gtpin.compensation.machine import correctable, geometric_scales
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.smooth import loads_of
