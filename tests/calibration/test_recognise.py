@@ -1,8 +1,10 @@
 """Data of the plant's machines with usual mistakes of units, axes, signs and frames are refused by the mistake's name."""
 
+import re
 from dataclasses import replace
 from functools import cache
 from itertools import permutations
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ pytestmark = pytest.mark.filterwarnings(
     "ignore:commands a little outside", "ignore:parameters more than", "ignore:off by more than"
 )
 
+FIVE_BAR = str(Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf")
 ROBOTS = ("gantry_tau", "tau", "gantry_tau_6dof", "stewart", "linear_delta", "stewart_jugglebot")
 
 
@@ -223,6 +226,18 @@ def test_scalar_last_quaternions_of_a_platform_that_hardly_turns_are_recognised(
 def test_two_columns_of_commands_that_are_swapped_are_recognised():
     swapped = commands(lambda q: q[:, [1, 0, 2]])(machine("gantry_tau", 615))
     assert refusal(swapped).endswith("q1 and q2 look swapped; swap them")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("frame", "home"), [("robot", (0.3, -0.2)), ("free", (0.3, -0.2)), ("robot", (1.2, -0.7))])
+def test_commands_of_a_five_bar_that_are_counted_from_another_home_are_named(frame, home):
+    """One zero and another frame fit as well as two zeros do only where the tolerances explain what they leave."""
+    right = simulate(gtpin.load_robot(FIVE_BAR), FIVE_BAR, poses=60, seed=3, held_out=1).dataset
+    instrument = right.instrument.model_copy(update={"frame": frame})
+    error = refusal(replace(right, q=right.q - home, instrument=instrument))
+    assert error.column == "q1 q2"
+    told = [float(value) for value in re.findall(r"add (\S+) to q", error.hint)]
+    np.testing.assert_allclose(told, home, rtol=0, atol=0.02)  # a plain fit of the nominal robot
 
 
 def parts(data, seed):
