@@ -20,7 +20,10 @@ from gtpin.model.model import Model
 from gtpin.robot.geometry import Geometry
 
 pytestmark = pytest.mark.filterwarnings(
-    "ignore:commands a little outside", "ignore:parameters more than", "ignore:off by more than"
+    "ignore:commands a little outside",
+    "ignore:parameters more than",
+    "ignore:off by more than",
+    "ignore:the nominal model is not",
 )
 
 FIVE_BAR = str(Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf")
@@ -234,10 +237,12 @@ def test_commands_of_a_five_bar_that_are_counted_from_another_home_are_named(fra
     """One zero and another frame fit as well as two zeros do only where the tolerances explain what they leave."""
     right = simulate(gtpin.load_robot(FIVE_BAR), FIVE_BAR, poses=60, seed=3, held_out=1).dataset
     instrument = right.instrument.model_copy(update={"frame": frame})
-    error = refusal(replace(right, q=right.q - home, instrument=instrument))
-    assert error.column == "q1 q2"
-    told = [float(value) for value in re.findall(r"add (\S+) to q", error.hint)]
-    np.testing.assert_allclose(told, home, rtol=0, atol=0.02)  # a plain fit of the nominal robot
+    said = refusal(replace(right, q=right.q - home, instrument=instrument))
+    assert "column q1 q2" in said
+    told = [float(value) for value in re.findall(r"add (\S+) to q", said)]
+    np.testing.assert_allclose(told, home, rtol=0, atol=0.06)  # a plain fit of the nominal robot
+    followed = gtpin.calibrate(replace(right, q=right.q - home + told, instrument=instrument))
+    assert followed.chi2_per_dof < 1.5
 
 
 def parts(data, seed):

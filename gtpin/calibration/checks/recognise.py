@@ -66,12 +66,9 @@ def recognised(
     if not tried:
         return None
     # A misfit like that of correct data is enough: readings with free numbers, of a frame or a rotation, always fit better.
-    # But none of these leaves a tenth of it.
+    # But none of these leaves a fifth of it.
     least = min(reading.misfit for reading in tried)
-    alike = max(
-        limits.AS_GOOD * least + limits.CLOSE * search.size,
-        min(search.fits, search.expected, limits.FAR_BETTER * least),
-    )
+    alike = max(limits.AS_GOOD * least + limits.CLOSE * search.size, min(search.fits, limits.MORE_MISTAKES * least))
     good = [reading for reading in tried if reading.misfit <= alike]
     fewest = min(reading.mistakes for reading in good)
     chosen = [reading for reading in good if reading.mistakes == fewest]
@@ -79,7 +76,7 @@ def recognised(
     best = min(chosen, key=lambda reading: reading.misfit)
     # The workspace is that of the best reading: commands in another unit predict poses kilometres away.
     accepted = limits.ACCEPTED * _size(best.poses) + limits.ALLOWED
-    close = max(limits.AS_GOOD * best.misfit, min(search.expected, accepted, limits.FAR_BETTER * best.misfit))
+    close = max(limits.AS_GOOD * best.misfit, min(search.fits, accepted, limits.MORE_MISTAKES * best.misfit))
     named = [reading for reading in chosen if reading.misfit <= close]
     named.sort(key=lambda reading: reading.misfit > limits.AS_GOOD * best.misfit)
     looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in named), strict=True))
@@ -190,6 +187,8 @@ class Search:
         if self.far:
             others += self._targets(self.free)
         yield from others
+        if self.nominal.kinematics.loops.count and self.nominal.robot.n_actuators > limits.FEW_DRIVES:
+            return
         for turned in dict.fromkeys((self.free, True)):
             if all(r.misfit > enough or r.mistakes > 1 for r in (*found, *others)):
                 several = list(self._commands(several_mistakes(self.nominal.robot.revolute), turned))
