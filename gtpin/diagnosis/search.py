@@ -46,6 +46,8 @@ from gtpin.effects.untestable import Untestable
 from gtpin.typing import Floats
 
 T = TypeVar("T", bound=Term)
+Passed = dict[frozenset[tuple[Term, tuple[float, ...], float]], Posterior[Term]]
+"""Where a search ends, by the models that it passed: their terms, values and scales."""
 
 
 class Gain(NamedTuple):
@@ -368,7 +370,7 @@ def search(
     largest = _most_terms(hypotheses)
     alone, terms = hypotheses.gains(NOTHING, terms), _with_room(hypotheses, NOTHING, terms)
     order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))
-    passed: dict[frozenset[tuple[Term, tuple[float, ...], float]], Posterior[Term]] = {}
+    passed: Passed = {}
     best: Posterior[Term] = _extend(hypotheses, start, terms, largest, passed) if start.terms else NOTHING
     taken = {hypotheses.without_value(t) for t in best.terms}
     for term in order[: beginnings if len(best.terms) <= MOST_TERMS else 0]:
@@ -406,9 +408,11 @@ def with_residuals(hypotheses: HypothesisSet, model: Posterior[Term]) -> Posteri
     largest, known = _most_terms(hypotheses), hypotheses.only(model, causes(model))
     mechanisms = [h for h in hypotheses.linear if h.effect.nature == "mechanism"]
     gains = hypotheses.gains(known, hypotheses.smooth)
+    first: Passed = {}
+    then: Passed = {}
     for term in sorted(gains, key=lambda term: -gains[term].value)[:BEAM]:
-        beside = _extend(hypotheses, hypotheses.extended(known, term), mechanisms, largest, {})
-        beside = _extend(hypotheses, beside, hypotheses.every, largest, {})
+        beside = _extend(hypotheses, hypotheses.extended(known, term), mechanisms, largest, first)
+        beside = _extend(hypotheses, beside, hypotheses.every, largest, then)
         model = max(model, beside, key=hypotheses.log_posterior)
     return model
 
@@ -437,7 +441,7 @@ def _extend(
     model: Posterior[Term],
     terms: Sequence[Term],
     largest: int,
-    passed: dict[frozenset[tuple[Term, tuple[float, ...], float]], Posterior[Term]],
+    passed: Passed,
 ) -> Posterior[Term]:
     """A model after all steps that increase its log posterior: one more term, more lines of a term, exchanges, removals.
 
