@@ -155,7 +155,10 @@ def _without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
     if text and (doubt := _elsewhere_on_platform(fit, admitted)):
         warn(doubt)
         return replace(admitted, doubt=doubt)
-    warn_of_far_parameters(admitted if elsewhere else settled, about_track(settled.fit.point.model.geometry))
+    told = (
+        bool(text) and bool(zeros_off(admitted)) and not elsewhere
+    )  # the text has them as the fit with wider tolerances has
+    warn_of_far_parameters(admitted if elsewhere else settled, about_track(settled.fit.point.model.geometry), told)
     if text:
         warn(text)
     return admitted
@@ -172,7 +175,7 @@ def _admitted(fit: RobustFit, settled: FitState) -> tuple[FitState, str, bool]:
         return settled, "", False
     admit = "tolerances are widened to admit it"
     if settled.widened > 1.0 and (found is None or found.what == "tolerances"):
-        size = f"its parameters are off by {settled.widened:.2g} times their tolerances"
+        size = zeros_off(settled) or f"its parameters are off by {settled.widened:.2g} times their tolerances"
         return settled, f"the nominal model is not this machine: {size}; {admit}", False
     assert found is not None
     if found.what == "frame":

@@ -92,10 +92,10 @@ def far_from_declared(values: Floats, names: Sequence[str], unit: str) -> str:
     return ", ".join(f"{names[i]} ({values[i]:+.0f} {unit})" for i in order[: limits.NAMED]) + more
 
 
-def warn_of_far_parameters(settled: FitState, anywhere: Mask | bool = False) -> None:
+def warn_of_far_parameters(settled: FitState, anywhere: Mask | bool = False, told: bool = False) -> None:
     """Warn of the geometry's parameters that are far from nominal; of joints whose zero explains it, by the zero.
 
-    ``anywhere``: (p,) parameters that may have any value.
+    ``anywhere``: (p,) parameters that may have any value. ``told``: whether the zeros are told already.
     """
     fitted, far = settled.fit.point.model.geometry, np.where(anywhere, 0.0, settled.deviation)
     if not far_from_declared(far, fitted.names, "tolerances"):
@@ -105,7 +105,8 @@ def warn_of_far_parameters(settled: FitState, anywhere: Mask | bool = False) -> 
         size = dict(zip(fitted.names, settled.geometry.tolerance, strict=True))
         rows = with_zeros(fitted, _covariance(settled))
         values |= {one.name: one.value / size[one.name] for one in rows if one.name in size}
-        warn(f"off by more than the tolerances explain: {zeros}")
+        if not told:
+            warn(f"off by more than the tolerances explain: {zeros}")
         far = np.where(anywhere, 0.0, list(values.values()))
     if names := far_from_declared(far, fitted.names, "tolerances"):
         farthest = names.partition(" (")[0]
