@@ -114,7 +114,7 @@ def test_a_station_at_another_place_is_named(tmp_path):
     stations = {name: list(at) for name, at in WIRE.said["stations"].items()}
     stations["B"][0] += 2.0
     _, said = warned(tmp_path, WIRE.saying(stations=stations))
-    assert "from what dataset.toml declares: wire.station[B].x (-" in said
+    assert "wire does not look to be where dataset.toml has it: wire.station[B].x -2" in said
 
 
 def test_planes_with_each_other_s_names_are_named(tmp_path):

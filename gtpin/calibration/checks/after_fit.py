@@ -264,7 +264,7 @@ def _with_other_place(fit: RobustFit, found: PriorConflict) -> tuple[FitState, s
     settled = replace(fit, whole=replace(whole, measured=readings)).run()
     after = settled.fit.problem.readings(settled.fit.point.x)
     off = [
-        (abs(far), f"{one.name} {1e3 * u:+.3g} {'mm' if one.unit == 'm' else 'mrad'}")
+        (abs(far), f"{one.name} {u:+.3g} {one.unit}" if abs(u) >= 1.0 else f"{one.name} {1e3 * u:+.3g} m{one.unit}")
         for one, u, far in zip(after.unknowns, after.u, found.size * after.deviation, strict=True)
         if one.name.startswith(f"{found.site}.") and abs(far) > limits.FAR_FROM_PRIOR
     ]
