@@ -219,7 +219,8 @@ class TrackerScale(Effect):
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         waves = []
         if at.has("time"):
-            waves += [wave(at.lateness, k) / k for k in (1, 2, 3)]
+            t = np.clip(at.time, -1.0, 1.0)
+            waves += [wave(t, k) / k for k in (1, 2, 3)]
         if at.has("temp_frame"):
             waves.append((at.covariate("temp_frame") - at.references.temperature) / 3.0)
         twist = np.zeros((len(at), 6, 1 + 3 * len(waves)))

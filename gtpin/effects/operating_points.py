@@ -272,7 +272,7 @@ class OperatingPoints:
     def lateness(self) -> Floats:
         """(N,) ``time`` within the fit's range, -1 to 1: outside, nothing is known of a change. Poses without a time are of its
         end; where the fit had none, 0."""
-        if "time" in self.covariates:
+        if self.has("time") and "time" in self.covariates:
             return np.clip(self.time, -1.0, 1.0)
         return np.full(len(self), float(self.has("time")))
 

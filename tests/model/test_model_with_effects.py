@@ -281,7 +281,6 @@ def test_an_effect_of_another_package_that_fails_is_an_error_that_names_it(stran
         ("backlash", "cart2", "payload"),  # its bend goes with the load
         ("servo_lag", "cart3", "speed3"),
         ("thermal_links", "arm", "temp_link"),
-        ("thermal_links", "arm", "time"),  # the lag that it was fitted with
         ("thermal_track", "cart1", "temp_frame"),
         ("tracker_drift", "frame", "time"),
         ("frame_shift", "frame", "session"),

@@ -95,7 +95,7 @@ def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
         if doubt:
             found = _without_prior_conflict(*with_credible_noise(fit, settled))
         else:
-            warn_of_far_parameters(settled, about_track(settled.fit.point.model.geometry))
+            warn_of_far_parameters(settled, settled.geometry.tolerance, about_track(settled.fit.point.model.geometry))
         if doubt and coarse is None and not found.doubt:
             check_moved(kept, found.fit.point.model.geometry, fit.whole.start.geometry, fit.near, fit.found)
     return found
@@ -158,7 +158,8 @@ def _without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
     told = (
         bool(text) and bool(zeros_off(admitted)) and not elsewhere
     )  # the text has them as the fit with wider tolerances has
-    warn_of_far_parameters(admitted if elsewhere else settled, about_track(settled.fit.point.model.geometry), told)
+    tolerance, anywhere = settled.geometry.tolerance, about_track(settled.fit.point.model.geometry)
+    warn_of_far_parameters(admitted, tolerance, anywhere, told)
     if text:
         warn(text)
     return admitted
@@ -370,7 +371,7 @@ def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit, *, doubt: b
     if doubt:
         found = _without_prior_conflict(credible, settled)
     else:
-        warn_of_far_parameters(settled)
+        warn_of_far_parameters(settled, settled.geometry.tolerance)
     if not found.doubt:
         check_moved(given, settled.fit.point.model.geometry, fit.whole.start.geometry, near, fit.found)
     _warn_of_deviations(found)

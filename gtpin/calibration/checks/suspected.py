@@ -92,17 +92,21 @@ def far_from_declared(values: Floats, names: Sequence[str], unit: str) -> str:
     return ", ".join(f"{names[i]} ({values[i]:+.0f} {unit})" for i in order[: limits.NAMED]) + more
 
 
-def warn_of_far_parameters(settled: FitState, anywhere: Mask | bool = False, told: bool = False) -> None:
+def warn_of_far_parameters(
+    settled: FitState, tolerance: Floats, anywhere: Mask | bool = False, told: bool = False
+) -> None:
     """Warn of the geometry's parameters that are far from nominal; of joints whose zero explains it, by the zero.
 
-    ``anywhere``: (p,) parameters that may have any value. ``told``: whether the zeros are told already.
+    ``tolerance``: (p,) unit of the deviations, before tolerances were widened. ``anywhere``: (p,) parameters that may have any
+    value. ``told``: whether the zeros are told already.
     """
-    fitted, far = settled.fit.point.model.geometry, np.where(anywhere, 0.0, settled.deviation)
+    fitted = settled.fit.point.model.geometry
+    far = np.where(anywhere, 0.0, fitted.deviation / tolerance)
     if not far_from_declared(far, fitted.names, "tolerances"):
         return
     zeros, values = zeros_off(settled), dict.fromkeys(fitted.names, 0.0)
     if zeros:  # what they do not explain
-        size = dict(zip(fitted.names, settled.geometry.tolerance, strict=True))
+        size = dict(zip(fitted.names, tolerance, strict=True))
         rows = with_zeros(fitted, _covariance(settled))
         values |= {one.name: one.value / size[one.name] for one in rows if one.name in size}
         if not told:
