@@ -267,8 +267,7 @@ def _diagnose(
 
     # 1. Prepare: usable rows and columns, calibrated.
     prepared = prepare(dataset, nominal, report, priors)
-    small, first = understated_noise(prepared, scope)
-    if small:
+    if small := understated_noise(prepared, scope):
         # Of a sigma that visits contradict, the calibration has warned, and the verdict has the visits' own.
         warn_of_noise({key: sizes for key, sizes in small.items() if getattr(prepared.baseline.noise, key) == sizes[0]})
         prepared = prepared.undeclared(small, nominal, report, priors)
@@ -278,7 +277,7 @@ def _diagnose(
 
     # 2. Propose hypotheses, and settle the noise and which rows are gross errors.
     report("searching for causes", 0, float(np.sqrt(prepared.baseline.chi2_per_dof)))
-    settled = settle(prepared, searchable_rows(prepared, priors), scope, rng, first)
+    settled = settle(prepared, searchable_rows(prepared, priors), scope, rng)
     hypotheses, searched, recorded = settled.hypotheses, settled.searched, prepared.recorded
 
     # 3. Infer which hypotheses are causes, and apply the doubts that need no fit. The checks always leave out neighbours.

@@ -201,9 +201,8 @@ NOISE_SEARCHES = 2
 """Number of searches, each with the noise from the last one. With too small a noise, a search explains some of it by causes."""
 
 
-def understated_noise(prepared: Prepared, scope: Scope) -> tuple[dict[Sigma, tuple[float, float]], ReadingNoise | None]:
-    """Sigmas that are declared too small: by key, the declared value and the estimated one, m or rad; and the noise after the
-    last search, in which all sigmas are estimated: None where no search was needed.
+def understated_noise(prepared: Prepared, scope: Scope) -> dict[Sigma, tuple[float, float]]:
+    """Sigmas that are declared too small: by key, the declared value and the estimated one, m or rad.
 
     The estimate is the smaller of two: from the residuals after a search, and, where there are repeated visits, from their
     differences. An effect that depends on the pose is in the residuals, but not in these differences. Needed by noise that is
@@ -221,13 +220,13 @@ def understated_noise(prepared: Prepared, scope: Scope) -> tuple[dict[Sigma, tup
     sizes = [getattr(baseline.noise, key) / value for key, value in declared.items()]
     misfit_declared = baseline.chi2_per_dof * max(sizes, default=1.0) ** 2
     if not declared or misfit_declared < scope.priors.misfit:
-        return {}, None
+        return {}
     sure = prepared.dataset.take(baseline.used(prepared.dataset))
     observed = Observed.of(sure, baseline).take(np.arange(len(sure))[:: 1 + len(sure) // MOST_COMPARED])
     repeats = _of_repeats(observed, baseline)
     most = scope.priors.understated_once if repeats is None else scope.priors.understated
     if repeats is not None and all(getattr(repeats, key) <= most * value for key, value in declared.items()):
-        return {}, None  # the smaller of the two estimates is no larger: no search is needed
+        return {}  # the smaller of the two estimates is no larger: no search is needed
     noise = replace(observed.noise.scaled(float(np.sqrt(misfit_declared))), repeatability=0.0)
     noise = replace(noise, estimated=np.ones_like(noise.estimated))
     guess: Posterior[Term] = NOTHING
@@ -237,13 +236,13 @@ def understated_noise(prepared: Prepared, scope: Scope) -> tuple[dict[Sigma, tup
         guess = rough_guess(hypotheses, guess)
         noise = reestimate_noise(now, hypotheses, guess).observed.noise
         if all(getattr(noise, key) <= most * value for key, value in declared.items()):
-            return {}, noise  # it only falls from search to search
+            return {}  # it only falls from search to search
     found = {}
     for key, value in declared.items():
         sizes = [getattr(n, key) for n in (noise, repeats) if n is not None]
         if min(sizes) > most * value:
             found[key] = (value, float(min(sizes)))
-    return found, noise
+    return found
 
 
 def warn_of_noise(small: dict[Sigma, tuple[float, float]]) -> None:
@@ -422,13 +421,8 @@ class SearchState:
         return replace(found, sessions=tuple(sorted({str(name) for name in recorded})) if found.sessions else ())
 
 
-def settle(
-    prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generator, first: ReadingNoise | None = None
-) -> SearchState:
+def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generator) -> SearchState:
     """Decide which of the rows (N,) are gross errors, estimate the noise, and propose hypotheses.
-
-    ``first``: a first estimate of the noise that is not declared: with too small a noise, the first search would explain some
-    of it by many causes, which takes long. None: that of the calibration, without repeatability.
 
     The search uses at most ``MOST_POSES`` random rows; ``FEW_POSES`` for a robot without rods whose model is long.
     """
@@ -436,10 +430,6 @@ def settle(
     among_outliers = ~baseline.used(prepared.dataset)[rows]
     drawn = rng.permutation(len(kept))
     everything = Observed.of(kept, baseline)
-    if first is not None:
-        sigma = np.where(everything.noise.estimated, first.sigma, everything.noise.sigma)
-        noise = replace(everything.noise, sigma=sigma, repeatability=first.repeatability)
-        everything = replace(everything, noise=noise)
     some = _part(drawn, among_outliers, FEW_POSES if baseline.model.robot.joint_sites else MOST_POSES)
     observed, used, hypotheses, guess = _reestimated(everything.take(some), prepared, scope)
     if len(some) < min(len(kept), MOST_POSES) and len(guess.terms) <= MOST_TERMS:

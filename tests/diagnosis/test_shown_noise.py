@@ -6,13 +6,12 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from diagnosed import machine, quietly
+from diagnosed import machine
 from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.bench.simulator import simulate_measured
 from gtpin.diagnosis import noise as check
-from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.hypothesis import Scope
 from gtpin.diagnosis.prepare import prepare
@@ -156,25 +155,6 @@ def test_repeated_visits_without_more_noise_end_the_check(monkeypatch: pytest.Mo
         [int(row) for row in dict(zip(dataset.visits.tolist(), range(len(dataset)), strict=True)).values()]
     )
     monkeypatch.setattr(check, "rough_guess", searched)
-    assert check.understated_noise(prepared, scope) == ({}, None)
+    assert check.understated_noise(prepared, scope) == {}
     with pytest.raises(SearchedError):  # one visit of each pose says nothing of the noise
         check.understated_noise(prepare(without, robot), scope)
-
-
-def test_the_search_goes_on_with_the_noise_of_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All that is not declared: a search with the calibration's noise, without repeatability, would fit scatter by causes."""
-    prepared = quietly(prepare, measured(3, scatter=1.2e-4, sigmas=(SIGMA, None)), gtpin.load_robot("ur5"))
-    first = replace(prepared.baseline.noise, sigma=np.array([5e-5, 3e-4]), repeatability=2e-4)
-    begun = []
-
-    def spied(observed: Observed, *_: object) -> None:
-        begun.append(observed.noise)
-        raise SearchedError
-
-    monkeypatch.setattr(check, "_reestimated", spied)
-    rows = np.ones(len(prepared.dataset), dtype=bool)
-    scope = Scope.of(gtpin.catalogue(), (), FALSE_ALARM, gtpin.load_robot("ur5"), PRIORS)
-    with pytest.raises(SearchedError):
-        check.settle(prepared, rows, scope, np.random.default_rng(0), first)
-    assert begun[0].sigma.tolist() == [SIGMA, 3e-4]
-    assert begun[0].repeatability == 2e-4
