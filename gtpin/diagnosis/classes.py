@@ -85,16 +85,14 @@ def ranked(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis,
         for h, gain in gains.items()
     }
     likeliest, by_proxy = max(log_odds.values()), set()
-    robot = hypotheses.design.operating_points.robot
-    clock, weighed = cause.clock(robot), hypotheses.design.operating_points.has("payload")
-    # Beside a recorded payload, a further load is suspected where the cause comes and goes with time only.
-    tried = [p for p in hypotheses.proxies if clock or not weighed or p.reason is None]
-    for proxy, gain in hypotheses.gains(rest, tried).items():
+    for proxy, gain in hypotheses.gains(rest, hypotheses.proxies).items():
         value = gain.value / temperature + float(np.log(proxy.odds))
         if value > log_odds.get(proxy.hypothesis, -np.inf):
             log_odds[proxy.hypothesis] = min(value, likeliest)
             by_proxy.add(proxy.hypothesis)
     # The frame and the target of one clock have the same functions, as smooth terms of this clock have.
+    robot = hypotheses.design.operating_points.robot
+    clock = cause.clock(robot)
     for h in gains:
         if clock and {h.site, cause.site} == {"frame", "platform"} and h.clock(robot) == clock:
             ahead = (gains[h].value - gains[mine].value) / sqrt(temperature)

@@ -4,14 +4,25 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from monte_carlo import assert_chi2
+from scipy.spatial.transform import Rotation
 from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, case, commands, draw, measured
 
 import gtpin
 from gtpin.report.calibration import CalibrationPresentation
 
 SHIFT = 4e-4
+
+
+def placed(model, q):
+    """(N, 3) positions, m, and (N, 3, 3) rotations of the link tool0 at configurations q (N, nq)."""
+    data, frame, found = model.createData(), model.getFrameId("tool0"), []
+    for one in q:
+        pin.framesForwardKinematics(model, data, one)
+        found.append((data.oMf[frame].translation.copy(), data.oMf[frame].rotation.copy()))
+    return np.array([T for T, _ in found]), np.array([R for _, R in found])
 
 
 def shifted(seed):
@@ -78,3 +89,27 @@ def test_chi_square_is_1_by_construction_only_where_no_noise_was_declared(positi
     else:
         assert calibration.chi2_per_dof > 2.0
         assert ("was declared: above 1" in text) == (bool(position) != bool(orientation))
+
+
+def test_the_zeros_of_an_arm_that_are_far_off_are_told_once():
+    """By Pinocchio's own kinematics of the nominal arm; zeros of 1 degree."""
+    robot, rng = gtpin.load_robot("ur5"), np.random.default_rng(5)
+    off = np.radians([0.0, 0.0, 1.0, 0.0, -1.5, 0.0])
+    q = np.array([0.0, -1.2, 1.3, 0.0, 0.8, 0.0]) + rng.uniform(-1.2, 1.2, (60, 6))
+    T, R = placed(robot.model, q + off)
+    dataset = gtpin.Dataset(
+        "ur5",
+        np.arange(60),
+        q,
+        T + rng.normal(0.0, POSITION_SIGMA, (60, 3)),
+        (Rotation.from_rotvec(rng.normal(0.0, ORIENTATION_SIGMA, (60, 3))) * Rotation.from_matrix(R)).as_quat(
+            scalar_first=True
+        ),
+        instrument={"position_sigma": POSITION_SIGMA, "orientation_sigma": ORIENTATION_SIGMA, "frame": "robot"},
+    )
+    with pytest.warns(gtpin.GtpinWarning) as told:
+        gtpin.calibrate(dataset)
+    said = [text for text in map(str, (one.message for one in told)) if "zero of elbow_joint" in text]
+    assert len(said) == 1
+    assert "zero of wrist_2_joint" in said[0]
+    assert "tolerances are widened" in said[0]

@@ -26,28 +26,26 @@ from gtpin.calibration.checks.moved import (
     initial_noise,
     stretch,
 )
-from gtpin.calibration.checks.prior_conflict import PLACES, PriorConflict, prior_conflict, with_wider_tolerances
+from gtpin.calibration.checks.prior_conflict import without_prior_conflict
 from gtpin.calibration.checks.readings import misread, rotation_readings
 from gtpin.calibration.checks.recognise import either
-from gtpin.calibration.checks.suspected import far_from_declared, refuse, suspect, warn_of_far_parameters, zeros_off
+from gtpin.calibration.checks.suspected import far_from_declared, refuse, suspect, warn_of_far_parameters
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.observability import UNSEEN
-from gtpin.calibration.problem import Measured, Point, Problem, rough_frame, with_unknowns
+from gtpin.calibration.problem import Measured, Point, Problem
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data import Dataset
 from gtpin.data.duplicates import command_steps
 from gtpin.data.files import warn_of
-from gtpin.data.instrument_tables import TrackerTable
 from gtpin.data.names import ORIENTATION
 from gtpin.data.plausible import named_poses
 from gtpin.distributions import chi2
-from gtpin.errors import ConvergenceError, DatasetError, listed, warn
-from gtpin.instruments.frame_and_target import AWAY
+from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import log
-from gtpin.model.model import Frame, Model
+from gtpin.model.model import Model
 from gtpin.noise import weights
 from gtpin.noise.reading_noise import SMALLEST
 from gtpin.typing import Floats, Mask
@@ -93,7 +91,7 @@ def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
             warn(f"set aside as gross errors: {counted if several else ''}{named_poses(kept, ~settled.used)}")
         coarse, found = _check_fit(kept, settled, seen), settled
         if doubt:
-            found = _without_prior_conflict(*with_credible_noise(fit, settled))
+            found = without_prior_conflict(*with_credible_noise(fit, settled))
         else:
             warn_of_far_parameters(settled, settled.geometry.tolerance, about_track(settled.fit.point.model.geometry))
         if doubt and coarse is None and not found.doubt:
@@ -144,135 +142,6 @@ def _check_set_aside(kept: Dataset, measured: Measured, settled: FitState) -> No
         refuse(error, kept)
     else:
         warn(str(error))
-
-
-def _without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
-    """The result of the fit; if the priors contradict the data, repeated with wider tolerances or a free frame.
-
-    Warns: of this. Where a target that is not where it is declared explains the contradiction better, only of the target.
-    """
-    admitted, text, elsewhere = _admitted(fit, settled)
-    if text and (doubt := _elsewhere_on_platform(fit, admitted)):
-        warn(doubt)
-        return replace(admitted, doubt=doubt)
-    told = (
-        bool(text) and bool(zeros_off(admitted)) and not elsewhere
-    )  # the text has them as the fit with wider tolerances has
-    tolerance, anywhere = settled.geometry.tolerance, about_track(settled.fit.point.model.geometry)
-    warn_of_far_parameters(admitted, tolerance, anywhere, told)
-    if text:
-        warn(text)
-    return admitted
-
-
-def _admitted(fit: RobustFit, settled: FitState) -> tuple[FitState, str, bool]:
-    """The result without the assumption that the data contradict, and what to say of it; empty where there is none. And whether
-    it is of where an instrument stands."""
-    found = prior_conflict(settled)
-    far = np.abs(settled.deviation).max(initial=0.0) > limits.FAR_FROM_PRIOR
-    # Where no parameter deviates so far, the priors may be contradicted by another cause, such as a ball out of round.
-    elsewhere = found is not None and found.what in ("frame", "place")
-    if settled.widened == 1.0 and (found is None or not (far or elsewhere)):
-        return settled, "", False
-    admit = "tolerances are widened to admit it"
-    if settled.widened > 1.0 and (found is None or found.what == "tolerances"):
-        size = zeros_off(settled) or f"its parameters are off by {settled.widened:.2g} times their tolerances"
-        return settled, f"the nominal model is not this machine: {size}; {admit}", False
-    assert found is not None
-    if found.what == "frame":
-        size = f"{found.size * 1e3:.2g} mm and {found.turn * 1e3:.2g} mrad off the robot's"
-        free = 'it is fitted as free; write frame = "free", or target = [x, y, z] if the target is off the TCP'
-        return _with_free_frame(fit).run(), f"the instrument's frame looks {size}: {free}", True
-    if found.what == "place":
-        return *_with_other_place(fit, found), True
-    relaxed = fit.with_geometry(with_wider_tolerances(settled, found)).run()
-    if zeros := zeros_off(relaxed):
-        deviation = zeros
-    elif found.what in ("part", "zero"):
-        named = found.site if found.what == "part" else f"the zero of {found.site}"
-        deviation = f"{named} looks off by more than the tolerances allow"
-    else:
-        deviation = f"its parameters are off by {found.size:g} times their tolerances"
-    return relaxed, f"the nominal model is not this machine: {deviation}; {admit}", False
-
-
-def _elsewhere_on_platform(fit: RobustFit, admitted: FitState) -> str:
-    """What to say of a tracker's target that is not where it is declared, if it explains the data better than ``admitted``.
-
-    It does where the fit with the target's place as an unknown, of a prior sigma of some tenths of metres, has the larger
-    marginal likelihood, and residuals that are about as small, or where its residuals are much smaller; and where the place
-    that is found is another one than that declared.
-    """
-    whole, rows = fit.whole, fit.whole.measured.rows
-    table = rows.tables[0]
-    if len(rows.tables) > 1 or not isinstance(table, TrackerTable) or table.target == "free" or table.targets:
-        return ""
-    if fit.found is not None and fit.found.any():
-        return ""
-    free = "free" if whole.free_frame or table.frame == "free" else "robot"
-    more = {"name": table.name or "tracker", "frame": free, "target_sigma": AWAY}
-    rows = replace(rows, tables=(table.model_copy(update=more),))
-    readings = Readings.of_rows(whole.measured.q, rows, whole.measured.robot)
-    readings = with_unknowns(readings.at(readings.start(fit.near)), fit.near)
-    start = replace(whole.start, frame=Frame())
-    tried = replace(fit, whole=replace(whole, start=start, measured=readings, free_frame=False))
-    try:
-        other, *_ = _admitted(tried, tried.run())
-    except ConvergenceError:
-        return ""
-    problem, names = other.fit.problem, [unknown.name for unknown in readings.unknowns]
-    own = [problem.n_geometry + names.index(f"{more['name']}.target.{axis}") for axis in "xyz"]
-    if len(problem.unit) != len(names):  # a frame was freed, so that the target is one of two assumptions
-        return ""
-    gain, left = other.log_evidence - admitted.log_evidence, other.scale / admitted.scale
-    if (gain < limits.CONFLICT or left > limits.AS_GOOD) and left > 1.0 / limits.AS_GOOD:
-        return ""
-    off, sigma = AWAY * other.fit.point.x[own], AWAY * np.sqrt(np.diag(other.fit.covariance)[own])
-    # A target that sits where it is declared takes up a part of another error.
-    if (np.abs(off) <= limits.FAR_FROM_PRIOR * sigma).all():
-        return ""
-    at = off + np.array(table.fixed_targets[""])
-    place = ", ".join(f"{value:.4f}" for value in at)
-    section = "[[instrument]]" if table.name else "[instrument]"
-    return (
-        f"the target does not look to be where dataset.toml has it, but at [{place}] m in the frame of the TCP (+- "
-        f"{1e3 * sigma.max():.2g} mm): with it the data fit as well, and the geometry is much nearer to nominal; measure it, "
-        f"and write target = [{place}] under {section} of dataset.toml. Without it, zeros and joints of this result are wrong "
-        "together with the tool"
-    )
-
-
-def _with_free_frame(fit: RobustFit) -> RobustFit:
-    """The fit with a free frame for every tracker that was assumed to measure in the robot's."""
-    whole, rows = fit.whole, fit.whole.measured.rows
-    if whole.measured.tracked:
-        start = replace(whole.start, frame=rough_frame(fit.near, whole.poses))
-        return replace(fit, whole=replace(whole, start=start, free_frame=True))
-    tables = tuple(t.model_copy(update={"frame": "free"}) if isinstance(t, TrackerTable) else t for t in rows.tables)
-    readings = Readings.of_rows(whole.measured.q, replace(rows, tables=tables), whole.measured.robot)
-    return replace(fit, whole=replace(whole, measured=with_unknowns(readings.at(readings.start(fit.near)), fit.near)))
-
-
-def _with_other_place(fit: RobustFit, found: PriorConflict) -> tuple[FitState, str]:
-    """The result with wider priors of the places of an instrument's planes, stations or sockets, and what to say of it."""
-    whole, rows = fit.whole, fit.whole.measured.rows
-    table = next(table for table in rows.tables if table.name == found.site)
-    sigmas = {key: value for keys in PLACES.values() for key in keys if (value := getattr(table, key, None))}
-    wider = table.model_copy(update={key: found.size * value for key, value in sigmas.items()})
-    rows = replace(rows, tables=tuple(wider if one is table else one for one in rows.tables))
-    readings = Readings.of_rows(whole.measured.q, rows, whole.measured.robot)
-    readings = with_unknowns(readings.at(readings.start(fit.near)), fit.near)
-    settled = replace(fit, whole=replace(whole, measured=readings)).run()
-    after = settled.fit.problem.readings(settled.fit.point.x)
-    off = [
-        (abs(far), f"{one.name} {u:+.3g} {one.unit}" if abs(u) >= 1.0 else f"{one.name} {1e3 * u:+.3g} m{one.unit}")
-        for one, u, far in zip(after.unknowns, after.u, found.size * after.deviation, strict=True)
-        if one.name.startswith(f"{found.site}.") and abs(far) > limits.FAR_FROM_PRIOR
-    ]
-    named = listed([words for _, words in sorted(off, reverse=True)], limits.NAMED)
-    what = f"{found.site} does not look to be where dataset.toml has it: {named or 'its places'}; its prior sigmas are widened"
-    same = "zeros that are off together, or another base frame, look the same to these data"
-    return settled, f"{what} to admit it: correct what is declared, or give larger sigmas; {same}"
 
 
 def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
@@ -369,7 +238,7 @@ def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit, *, doubt: b
         warn(f"{scale}: the geometry does not explain these data, or the declared sigma is too small")
     found = settled
     if doubt:
-        found = _without_prior_conflict(credible, settled)
+        found = without_prior_conflict(credible, settled)
     else:
         warn_of_far_parameters(settled, settled.geometry.tolerance)
     if not found.doubt:

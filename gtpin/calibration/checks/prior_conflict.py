@@ -1,5 +1,6 @@
-"""Whether a fitted geometry contradicts its tolerances, and which wrong assumption explains it: frame, place, zero, part,
-tolerances.
+"""Whether a fitted geometry contradicts its tolerances, which wrong assumption explains it, and the fit without it.
+
+The assumption is of the instrument's frame or place, a zero, a part, or all tolerances.
 
 To first order the whitened residual at nominal is y ~ N(0, I + B T B' + E S E'), with B the derivative by the geometry in
 tolerances, T = I as declared, and E the derivative by other quantities that may be wrong. The marginal likelihood of y with
@@ -9,18 +10,24 @@ larger entries in T or S, over that with T = I and S = 0, says what was assumed 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from gtpin.calibration.checks import limits
-from gtpin.calibration.checks.suspected import zeros_beyond
+from gtpin.calibration.checks.before_fit import about_track
+from gtpin.calibration.checks.suspected import warn_of_far_parameters, zeros_beyond, zeros_off
 from gtpin.calibration.fit_state import FitState
-from gtpin.calibration.problem import FRAME_UNIT, Point, Problem
+from gtpin.calibration.problem import FRAME_UNIT, Point, Problem, rough_frame, with_unknowns
+from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data.instrument_tables import TrackerTable
+from gtpin.errors import ConvergenceError, listed, warn
+from gtpin.instruments.frame_and_target import AWAY
+from gtpin.instruments.readings import Readings
 from gtpin.kinematics.rotations import frame_motions
+from gtpin.model.model import Frame
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats, Mask
 
@@ -67,6 +74,131 @@ def with_wider_tolerances(settled: FitState, found: PriorConflict) -> Geometry:
         x = np.maximum(x, np.abs(zero.way * zero.value) / settled.geometry.tolerance)
     whole = found.size if found.what == "tolerances" else 1.0
     return settled.geometry.with_tolerances(np.maximum(whole, np.where(x > limits.WIDENED, x, 1.0)))
+
+
+def without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
+    """The result of the fit; if the priors contradict the data, repeated with wider tolerances or a free frame.
+
+    Warns: of this. Where a target that is not where it is declared explains the contradiction better, only of the target.
+    """
+    admitted, text = _admitted(fit, settled)
+    if text and (doubt := _elsewhere_on_platform(fit, admitted)):
+        warn(doubt)
+        return replace(admitted, doubt=doubt)
+    anywhere, told = about_track(settled.fit.point.model.geometry), zeros_off(admitted) in text
+    warn_of_far_parameters(admitted, settled.geometry.tolerance, anywhere, told)
+    if text:
+        warn(text)
+    return admitted
+
+
+def _admitted(fit: RobustFit, settled: FitState) -> tuple[FitState, str]:
+    """The result without the assumption that the data contradict, and what to say of it; empty where there is none."""
+    found = prior_conflict(settled)
+    far = np.abs(settled.deviation).max(initial=0.0) > limits.FAR_FROM_PRIOR
+    # Where no parameter deviates so far, the priors may be contradicted by another cause, such as a ball out of round.
+    elsewhere = found is not None and found.what in ("frame", "place")
+    if settled.widened == 1.0 and (found is None or not (far or elsewhere)):
+        return settled, ""
+    admit = "tolerances are widened to admit it"
+    if settled.widened > 1.0 and (found is None or found.what == "tolerances"):
+        size = f"its parameters are off by {settled.widened:.2g} times their tolerances"
+        return settled, f"the nominal model is not this machine: {size}; {admit}"
+    assert found is not None
+    if found.what == "frame":
+        size = f"{found.size * 1e3:.2g} mm and {found.turn * 1e3:.2g} mrad off the robot's"
+        free = 'it is fitted as free; write frame = "free", or target = [x, y, z] if the target is off the TCP'
+        return _with_free_frame(fit).run(), f"the instrument's frame looks {size}: {free}"
+    if found.what == "place":
+        return _with_other_place(fit, found)
+    relaxed = fit.with_geometry(with_wider_tolerances(settled, found)).run()
+    if zeros := zeros_off(relaxed):
+        deviation = zeros
+    elif found.what in ("part", "zero"):
+        named = found.site if found.what == "part" else f"the zero of {found.site}"
+        deviation = f"{named} looks off by more than the tolerances allow"
+    else:
+        deviation = f"its parameters are off by {found.size:g} times their tolerances"
+    return relaxed, f"the nominal model is not this machine: {deviation}; {admit}"
+
+
+def _elsewhere_on_platform(fit: RobustFit, admitted: FitState) -> str:
+    """What to say of a tracker's target that is not where it is declared, if it explains the data better than ``admitted``.
+
+    It does where the fit with the target's place as an unknown, of a prior sigma of some tenths of metres, has the larger
+    marginal likelihood, and residuals that are about as small, or where its residuals are much smaller; and where the place
+    that is found is another one than that declared.
+    """
+    whole, rows = fit.whole, fit.whole.measured.rows
+    table = rows.tables[0]
+    if len(rows.tables) > 1 or not isinstance(table, TrackerTable) or table.target == "free" or table.targets:
+        return ""
+    if fit.found is not None and fit.found.any():
+        return ""
+    free = "free" if whole.free_frame or table.frame == "free" else "robot"
+    more = {"name": table.name or "tracker", "frame": free, "target_sigma": AWAY}
+    rows = replace(rows, tables=(table.model_copy(update=more),))
+    readings = Readings.of_rows(whole.measured.q, rows, whole.measured.robot)
+    readings = with_unknowns(readings.at(readings.start(fit.near)), fit.near)
+    start = replace(whole.start, frame=Frame())
+    tried = replace(fit, whole=replace(whole, start=start, measured=readings, free_frame=False))
+    try:
+        other, _ = _admitted(tried, tried.run())
+    except ConvergenceError:
+        return ""
+    problem, names = other.fit.problem, [unknown.name for unknown in readings.unknowns]
+    own = [problem.n_geometry + names.index(f"{more['name']}.target.{axis}") for axis in "xyz"]
+    if len(problem.unit) != len(names):  # a frame was freed, so that the target is one of two assumptions
+        return ""
+    gain, left = other.log_evidence - admitted.log_evidence, other.scale / admitted.scale
+    if (gain < limits.CONFLICT or left > limits.AS_GOOD) and left > 1.0 / limits.AS_GOOD:
+        return ""
+    off, sigma = AWAY * other.fit.point.x[own], AWAY * np.sqrt(np.diag(other.fit.covariance)[own])
+    # A target that sits where it is declared takes up a part of another error.
+    if (np.abs(off) <= limits.FAR_FROM_PRIOR * sigma).all():
+        return ""
+    at = off + np.array(table.fixed_targets[""])
+    place = ", ".join(f"{value:.4f}" for value in at)
+    section = "[[instrument]]" if table.name else "[instrument]"
+    return (
+        f"the target does not look to be where dataset.toml has it, but at [{place}] m in the frame of the TCP (+- "
+        f"{1e3 * sigma.max():.2g} mm): with it the data fit as well, and the geometry is much nearer to nominal; measure it, "
+        f"and write target = [{place}] under {section} of dataset.toml. Without it, zeros and joints of this result are wrong "
+        "together with the tool"
+    )
+
+
+def _with_free_frame(fit: RobustFit) -> RobustFit:
+    """The fit with a free frame for every tracker that was assumed to measure in the robot's."""
+    whole, rows = fit.whole, fit.whole.measured.rows
+    if whole.measured.tracked:
+        start = replace(whole.start, frame=rough_frame(fit.near, whole.poses))
+        return replace(fit, whole=replace(whole, start=start, free_frame=True))
+    tables = tuple(t.model_copy(update={"frame": "free"}) if isinstance(t, TrackerTable) else t for t in rows.tables)
+    readings = Readings.of_rows(whole.measured.q, replace(rows, tables=tables), whole.measured.robot)
+    return replace(fit, whole=replace(whole, measured=with_unknowns(readings.at(readings.start(fit.near)), fit.near)))
+
+
+def _with_other_place(fit: RobustFit, found: PriorConflict) -> tuple[FitState, str]:
+    """The result with wider priors of the places of an instrument's planes, stations or sockets, and what to say of it."""
+    whole, rows = fit.whole, fit.whole.measured.rows
+    table = next(table for table in rows.tables if table.name == found.site)
+    sigmas = {key: value for keys in PLACES.values() for key in keys if (value := getattr(table, key, None))}
+    wider = table.model_copy(update={key: found.size * value for key, value in sigmas.items()})
+    rows = replace(rows, tables=tuple(wider if one is table else one for one in rows.tables))
+    readings = Readings.of_rows(whole.measured.q, rows, whole.measured.robot)
+    readings = with_unknowns(readings.at(readings.start(fit.near)), fit.near)
+    settled = replace(fit, whole=replace(whole, measured=readings)).run()
+    after = settled.fit.problem.readings(settled.fit.point.x)
+    off = [
+        (abs(far), f"{one.name} {u:+.3g} {one.unit}" if abs(u) >= 1.0 else f"{one.name} {1e3 * u:+.3g} m{one.unit}")
+        for one, u, far in zip(after.unknowns, after.u, found.size * after.deviation, strict=True)
+        if one.name.startswith(f"{found.site}.") and abs(far) > limits.FAR_FROM_PRIOR
+    ]
+    named = listed([words for _, words in sorted(off, reverse=True)], limits.NAMED)
+    what = f"{found.site} does not look to be where dataset.toml has it: {named or 'its places'}; its prior sigmas are widened"
+    same = "zeros that are off together, or another base frame, look the same to these data"
+    return settled, f"{what} to admit it: correct what is declared, or give larger sigmas; {same}"
 
 
 @dataclass(frozen=True)
