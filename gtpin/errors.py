@@ -169,6 +169,18 @@ def unheard() -> Iterator[None]:
         _notes.reset(token)
 
 
+@contextmanager
+def deferred() -> Iterator[list[str]]:
+    """Context whose gtpin warnings are issued at its end, or with its error. It gives the list of them, to be changed."""
+    texts: list[str] = []
+    try:
+        with unheard(), noted() as texts:
+            yield texts
+    finally:
+        for text in texts:
+            warn(text)
+
+
 def warn(text: str, category: type[Warning] = GtpinWarning) -> None:
     """Issue a warning whose place is the line of the user's code that called gtpin."""
     text = harmless(text)

@@ -210,13 +210,20 @@ def calibrate(
 
 @in_one_thread
 def calibrate_geometry(
-    dataset: Dataset, geometry: Geometry, progress: Progress | None = None, *, lacking: bool = False
+    dataset: Dataset,
+    geometry: Geometry,
+    progress: Progress | None = None,
+    *,
+    doubt: bool = False,
+    lacking: bool = False,
+    widen: bool = True,
 ) -> Calibration:
     """Identify the parameters of a given nominal geometry. A reduced arm is fitted to positions only.
 
-    ``lacking``: as for :class:`~gtpin.calibration.robust_fit.RobustFit`.
+    ``doubt``: whether the declared noise, frame and tolerances are checked too. ``lacking``, ``widen``: as for
+    :class:`~gtpin.calibration.robust_fit.RobustFit`.
     """
-    return _calibrated(dataset, geometry, progress, doubt=False, lacking=lacking)
+    return _calibrated(dataset, geometry, progress, doubt=doubt, lacking=lacking, widen=widen)
 
 
 def _warn_of_unused(dataset: Dataset, nominal: Callable[..., Geometry]) -> None:
@@ -251,9 +258,15 @@ def _beyond(found: Calibration, bounds: Mapping[str, tuple[float, float]]) -> tu
 
 
 def _calibrated(
-    dataset: Dataset, geometry: Geometry, progress: Progress | None = None, *, doubt: bool, lacking: bool
+    dataset: Dataset,
+    geometry: Geometry,
+    progress: Progress | None = None,
+    *,
+    doubt: bool,
+    lacking: bool,
+    widen: bool = True,
 ) -> Calibration:
-    """Fit; with ``doubt``, also check the declared noise, frame and tolerances."""
+    """Fit: see :func:`calibrate_geometry`."""
     needed = FIXED + PER_POSE * len(dataset)
     require(f"calibrating {len(dataset):,} poses", needed)
     if progress is not None and len(dataset) >= ANNOUNCED_POSES:
@@ -263,7 +276,8 @@ def _calibrated(
         raise ModelError("there is nothing to identify: no parameter is left", hint="leave out or hold fewer of them")
     target, parameters = data.instrument.target == "free", problem.start.geometry.parameters
     found = np.array([p.is_free or (target and p.kind == "platform") for p in parameters], dtype=bool)
-    fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, found if found.any() else None)
+    free = found if found.any() else None
+    fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, free, widen=widen)
     settled = settled_fit(data, kept, fit, tracked=tracked, doubt=doubt)
     if settled.dof < LEAST_FREEDOM:
         numbers = len(kept) * problem.measured.components

@@ -79,6 +79,7 @@ class RobustFit:
     - ``found``: parameters whose tolerances are no statement on the machine: (p,) True for those of a free target, and those
       that are free. None: there are none.
     - ``gaussian``: whether the noise counts as Gaussian, however heavy the tails of the residuals are.
+    - ``widen``: whether tolerances that the data contradict are widened.
     """
 
     whole: Problem
@@ -89,6 +90,7 @@ class RobustFit:
     lacking: bool = False
     found: Mask | None = None
     gaussian: bool = False
+    widen: bool = True
 
     def run(self) -> FitState:
         """Iterate until rejected rows and noise do not change.
@@ -218,7 +220,7 @@ class RobustFit:
         marginal = marginal.in_units(np.where(own, factor, 1.0))  # of the given tolerances
         starts = (np.maximum(noise.sigma, ROUGH), np.minimum(noise.sigma, self.estimator.first.sigma), marginal.scatter)
         narrow = max((marginal.best(s, widen=False) for s in starts), key=lambda found: found.log_likelihood)
-        if self.lacking or not own.any():
+        if self.lacking or not self.widen or not own.any():
             return narrow
         wide = max((marginal.best(s, widen=True) for s in starts), key=lambda found: found.log_likelihood)
         far = np.abs(marginal.x[own]).max() > FAR_FROM_NOMINAL

@@ -35,6 +35,8 @@ class Marginal:
         self._factor = cho_factor(np.eye(B.shape[1]) + B.T @ B, lower=True)
         self.absorbed = np.asarray(solve_triangular(self._factor[0], B.T, lower=True)).T
         """(m, p) B L'^-1 with L L' = I + B'B."""
+        self.half_log_det = float(np.log(np.diag(self._factor[0])).sum())
+        """ln det(I + B B') / 2."""
 
     def half(self, X: Floats) -> Floats:
         """(p, c) L^-1 B'X with L L' = I + B'B: the sums of its squares are the energy of X (m, c) that the geometry absorbs."""
@@ -72,6 +74,11 @@ class Groups(Generic[K]):
         self._together: tuple[tuple[K, ...], Floats, Floats] = (), np.zeros((0, 0)), np.zeros((0, 0))
         self._half_y = marginal.half(y[:, None])[:, 0]
         self.power = float(y @ y - self._half_y @ self._half_y)
+
+    @property
+    def log_evidence(self) -> float:
+        """Log marginal likelihood of y without a group, but for a constant: -[y' (I + B B')^-1 y + ln det(I + B B')] / 2."""
+        return -0.5 * self.power - self.marginal.half_log_det
 
     def add(self, term: K, columns: Floats, core: tuple[int, ...] = ()) -> None:
         """Add a group of whitened displacements (m, c); ``core`` as in :func:`best_scales`.

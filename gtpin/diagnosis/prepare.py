@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtpin.calibration.calibrate import calibrate
+from gtpin.calibration.calibrate import calibrate, calibrate_geometry
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.prior_conflict import PLACES
 from gtpin.calibration.free_target import with_free_target
@@ -21,6 +21,7 @@ from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.errors import DatasetError
 from gtpin.instruments.readings import Readings, single
 from gtpin.model.model import Model
+from gtpin.paper.geometry import nominal_geometry
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
 
@@ -47,18 +48,26 @@ class Prepared:
     declared: tuple[float | None, ...]
 
     def undeclared(
-        self, sigmas: Collection[str], nominal: Chain, progress: Progress | None, priors: Priors
+        self, sigmas: Collection[str], nominal: Chain, progress: Progress | None, priors: Priors, *, widen: bool
     ) -> Prepared:
         """The same, with a calibration that estimates the sigmas of the instrument's keys ``sigmas``; ``declared`` stays."""
         instrument = self.recorded.instrument.model_copy(update=dict.fromkeys(sigmas))
-        again = prepare(replace(self.recorded, instrument=instrument), nominal, progress, priors)
+        again = prepare(replace(self.recorded, instrument=instrument), nominal, progress, priors, widen=widen)
         return replace(again, declared=self.declared)
 
 
-def prepare(dataset: Dataset, nominal: Chain, progress: Progress | None = None, priors: Priors = PRIORS) -> Prepared:
+def prepare(
+    dataset: Dataset,
+    nominal: Chain,
+    progress: Progress | None = None,
+    priors: Priors = PRIORS,
+    *,
+    widen: bool = True,
+) -> Prepared:
     """Check a dataset against the nominal robot, leave out rows and columns that cannot be right, and calibrate the rest.
 
-    Raises `GtpinError` if the data can't be those of this robot.
+    ``widen``: whether tolerances that the data contradict are widened. Raises `GtpinError` if the data can't be those of this
+    robot.
     """
     geometry = with_free_target(Geometry.nominal(nominal), dataset)
     recorded = prepared(dataset, Model(geometry))
@@ -67,7 +76,11 @@ def prepare(dataset: Dataset, nominal: Chain, progress: Progress | None = None, 
     )
     if dataset.readings.tracked:
         _check_size(usable, len(geometry.parameters) + (6 if usable.instrument.frame == "free" else 0))
-    baseline = calibrate(usable, nominal, progress=progress)
+    if widen:
+        baseline = calibrate(usable, nominal, progress=progress)
+    else:
+        within = nominal_geometry(nominal, tolerance=usable.tolerance)
+        baseline = calibrate_geometry(usable, within, progress, doubt=True, widen=False)
     places = tuple(
         table.model_copy(update={key: getattr(fitted, key) for key in _OF_PLACES if hasattr(fitted, key)})
         for table, fitted in zip(usable.readings.tables, baseline.fit.problem.measured.rows.tables, strict=True)

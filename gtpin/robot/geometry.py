@@ -127,6 +127,11 @@ class Geometry:
         return np.array([p.tolerance / p.widened for p in self.parameters])
 
     @property
+    def is_widened(self) -> bool:
+        """Whether a calibration widened tolerances."""
+        return any(p.widened > 1.0 for p in self.parameters)
+
+    @property
     def deviation(self) -> Floats:
         """(p,) values less nominal values, m, rad or m/m."""
         return np.asarray(self.values - np.array([p.nominal for p in self.parameters]))

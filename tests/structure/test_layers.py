@@ -135,6 +135,7 @@ ROOMS = (
     "search",
     "propose",
     "noise",
+    "tolerances",
     "classes",
     "verdict",
     "joint_fit",

@@ -183,6 +183,17 @@ def about_track(geometry: Geometry) -> Mask:
 def check_moved(dataset: Dataset, geometry: Geometry, nominal: Geometry, near: Poses, free: Mask | None) -> None:
     """Refuse a fitted geometry whose links stand elsewhere than this robot's; the error names the farthest parameter.
 
+    The arguments are those of :func:`moved_too_far`.
+    """
+    if far := moved_too_far(geometry, nominal, near, free):
+        what = f"the fit moves {far}, farther than any machine of this kind is off: the data are not this robot's"
+        hint = "check the robot's file and tcp, units and signs of q1 .. qn and of what was measured, where instruments stood"
+        refuse(DatasetError(what, file=dataset.file, hint=hint), dataset)
+
+
+def moved_too_far(geometry: Geometry, nominal: Geometry, near: Poses, free: Mask | None) -> str:
+    """The parameter of a fitted geometry that is farthest from nominal, and by how much, if no machine is so far off; else "".
+
     That is by more than `limits.ANOTHER_TOLERANCES`, and more than the largest misfit that is accepted of nominal poses: a
     fit that needs so much makes up for a mistake. ``nominal``: with the tolerances as given. ``near``: (N) its poses.
     ``free``: (p,) True for the parameters of a free target; None: there are none.
@@ -192,12 +203,9 @@ def check_moved(dataset: Dataset, geometry: Geometry, nominal: Geometry, near: P
     moved = off * np.array([1.0 if p.unit == "m" else size for p in geometry.parameters])
     moved[(off <= limits.ANOTHER_TOLERANCES * nominal.tolerance) | (False if free is None else free)] = 0.0
     if moved.max(initial=0.0) <= limits.ACCEPTED * size + limits.ALLOWED:
-        return
+        return ""
     worst = geometry.parameters[int(np.argmax(moved))]
-    far = f"{1e3 * geometry[worst.name] - 1e3 * worst.nominal:+.3g} {'mm' if worst.unit == 'm' else 'mrad'}"
-    what = f"the fit moves {worst.name} by {far}, farther than any machine of this kind is off: the data are not this robot's"
-    hint = "check the robot's file and tcp, units and signs of q1 .. qn and of what was measured, and where instruments stood"
-    refuse(DatasetError(what, file=dataset.file, hint=hint), dataset)
+    return f"{worst.name} by {1e3 * geometry[worst.name] - 1e3 * worst.nominal:+.3g} {'mm' if worst.unit == 'm' else 'mrad'}"
 
 
 def left_after_fit(nominal: Model, measured: Measured, instrument: InstrumentSection) -> Size:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from gtpin.calibration.checks import limits
-from gtpin.calibration.checks.before_fit import about_track
+from gtpin.calibration.checks.before_fit import about_track, moved_too_far
 from gtpin.calibration.checks.suspected import warn_of_far_parameters, zeros_beyond, zeros_off
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.problem import FRAME_UNIT, Point, Problem, rough_frame, with_unknowns
@@ -80,8 +80,23 @@ def without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
     """The result of the fit; if the priors contradict the data, repeated with wider tolerances or a free frame.
 
     Warns: of this. Where a target that is not where it is declared explains the contradiction better, only of the target.
+    Tolerances are not widened where a part would then be farther off than of any machine, and the geometry without this leaves
+    less than most mistakes do: what contradicts them is then no geometry, as a soft rod whose joints can take up its deviation.
     """
     admitted, text = _admitted(fit, settled)
+    fitted = admitted.fit.point.model.geometry
+    if fitted.is_widened and (far := moved_too_far(fitted, settled.geometry, fit.near, fit.found)):
+        within = replace(fit, widen=False)
+        try:
+            plain = within.run()
+        except ConvergenceError:
+            plain = admitted
+        left = plain.fit.problem.raw_residual(plain.fit.point, plain.fit.point.poses)[:, :3]
+        if plain is not admitted and np.sqrt((left**2).sum(axis=1).mean()) < limits.POOR:
+            warn(
+                f"the geometry does not explain these data: with wider tolerances it would move {far}; they are not widened"
+            )
+            return without_prior_conflict(within, plain)
     if text and (doubt := _elsewhere_on_platform(fit, admitted)):
         warn(doubt)
         return replace(admitted, doubt=doubt)
@@ -111,6 +126,8 @@ def _admitted(fit: RobustFit, settled: FitState) -> tuple[FitState, str]:
         return _with_free_frame(fit).run(), f"the instrument's frame looks {size}: {free}"
     if found.what == "place":
         return _with_other_place(fit, found)
+    if not fit.widen:
+        return settled, ""
     relaxed = fit.with_geometry(with_wider_tolerances(settled, found)).run()
     if zeros := zeros_off(relaxed):
         deviation = zeros
