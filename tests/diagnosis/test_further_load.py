@@ -21,21 +21,26 @@ GIVES = np.array([6e-7, 4e-7, 5e-7])
 
 
 def pulls(machine: object, q: Floats, mass: Floats) -> Floats:
-    """(N, 3) forces of the rods on the carts along their tracks, N, with a mass (N,) at the TCP.
-
-    Half of each rod's weight hangs on the plate.
-    """
+    """(N, 3) forces of the rods on the carts along their tracks, N, with a mass (N,) at the TCP."""
     T, R = machine.follow(q, 0.02)
-    P = machine.P @ np.swapaxes(R, 1, 2)
-    away = T[:, None] + P - machine.C(q)
-    u = away / np.linalg.norm(away, axis=2, keepdims=True)
+    along = tensions(machine, q, mass, T, R) * np.einsum("nkx,kx->nk", directions(machine, q, T, R), machine.axis)
+    return np.stack([along[:, machine.driver == i].sum(axis=1) for i in range(3)], axis=1)
+
+
+def directions(machine: object, q: Floats, T: Floats, R: Floats) -> Floats:
+    """(N, 6, 3) unit vectors along the rods, from the carts to the plate."""
+    away = T[:, None] + machine.P @ np.swapaxes(R, 1, 2) - machine.C(q)
+    return away / np.linalg.norm(away, axis=2, keepdims=True)
+
+
+def tensions(machine: object, q: Floats, mass: Floats, T: Floats, R: Floats) -> Floats:
+    """(N, 6) forces that pull the rods, N, with a mass (N,) at the TCP. Half of each rod's weight hangs on the plate."""
+    P, u = machine.P @ np.swapaxes(R, 1, 2), directions(machine, q, T, R)
     weight = np.zeros((len(q), 6))
     weight[:, 2] = GRAVITY * (mass + PLATE + 3.0 * ROD)
     centre = (PLATE * CENTRE + ROD / 2.0 * machine.P.sum(axis=0)) @ np.swapaxes(R, 1, 2)
     weight[:, 3:] = np.cross(centre, [0.0, 0.0, GRAVITY])
-    tension = np.linalg.solve(np.concatenate([u, np.cross(P, u)], axis=2).swapaxes(1, 2), weight[..., None])[..., 0]
-    along = tension * np.einsum("nkx,kx->nk", u, machine.axis)
-    return np.stack([along[:, machine.driver == i].sum(axis=1) for i in range(3)], axis=1)
+    return np.linalg.solve(np.concatenate([u, np.cross(P, u)], axis=2).swapaxes(1, 2), weight[..., None])[..., 0]
 
 
 @cache
