@@ -38,14 +38,14 @@ TABLE3_FILE = "figures/paper_table3.md"
 
 INTRODUCTION = """# The paper, reproduced
 
-Dressler, Brogårdh and Robertsson, *A Kinematic Error Model for a Parallel Gantry-Tau Manipulator*, ICRA 2010, compared with what gtpin computes. `python examples/dressler2010/page.py docs/paper.md figures/` makes the page again, and figures like the paper's; `tests/paper` checks the numbers.
+Dressler, Brogårdh and Robertsson, *A Kinematic Error Model for a Parallel Gantry-Tau Manipulator*, ICRA 2010, beside what gtpin computes. `python examples/dressler2010/page.py docs/paper.md figures/` makes this page, and figures like the paper's; `tests/paper` checks the numbers.
 
-*Computed*: from the paper's own numbers (Table II) and gtpin's kinematics. *Simulated*: from a virtual machine, the *twin*, in `examples/dressler2010/`. In the tables a cell is: printed / gtpin's number; a standard deviation follows ±. `tests/paper` also checks the ranges of the platform's angles, where the error is largest, and the norms of the printed directions. Only the limits of the measurement grid were fitted to the paper. The sizes of the twin's errors were chosen by hand, close to Table II's costs by link.
+*Computed*: from the paper's Table II and gtpin's kinematics. *Simulated*: with a virtual machine, the *twin* (`examples/dressler2010/`). A cell is: printed / gtpin's number ± standard deviation. Only the limits of the measurement grid were fitted to the paper. The sizes of the twin's errors were chosen by hand, close to Table II's costs by link.
 """
 
 GRID = """## The measurement grid, from Table III
 
-The paper does not print the limits of its grid. Centre and half widths of a grid of six layers of 6 x 5 points were fitted to {numbers} numbers of S_pos and S_rot (rows L, P and C of all links, track directions of links 1, 3a, 3b and 3c) and to the {kept} of {of} poses that the paper kept. Relative to the home TCP, along the tracks, across them and upwards: centre ({c[0]:.3f}, {c[1]:.3f}, {c[2]:.3f}) m, half widths
+The limits of the paper's grid are not printed. Centre and half widths of six layers of 6 x 5 points were fitted to {numbers} numbers of S_pos and S_rot (rows L, P and C of all links, track directions of links 1, 3a, 3b and 3c) and to the {kept} of {of} poses that the paper kept. Relative to the home TCP, along the tracks, across them and upwards: centre ({c[0]:.3f}, {c[1]:.3f}, {c[2]:.3f}) m, half widths
 ({h[0]:.3f}, {h[1]:.3f}, {h[2]:.3f}) m. {inside} of its 180 poses lie within the actuator range.
 """
 
@@ -58,18 +58,17 @@ Gaussian closure residuals with the variance of Table II's final costs, propagat
 
 TABLE3 = """## Table III
 
-S_pos, S_rot and S_cost are sums over 61 poses, and over both signs of a step of 5e-5 of one parameter (m, rad, or without unit for track directions), of the change of position, of orientation (the absolute changes of the three ZYZ angles) and of a link's squared closure residual (its expectation over Gaussian residuals with the variance of Table II); without linearisation, as 61 times the mean over the grid. The Euler angles (ZYX) are of the transformation between two tracker frames. How far gtpin's numbers are from those printed, which have one or two digits ([all of them](figures/paper_table3.md)):
+S_pos, S_rot and S_cost are sums over 61 poses, and over both signs of a step of 5e-5 of one parameter (m, rad, or without unit for track directions), of the change of position, of orientation (the absolute changes of the three ZYZ angles) and of a link's squared closure residual (its expectation over Gaussian residuals with the variance of Table II); without linearisation, as 61 times the mean over the grid. The Euler angles (ZYX) are of the transformation between two tracker frames. Deviations of gtpin's numbers from the printed ones, which have one or two digits ([all numbers](figures/paper_table3.md)):
 """
 
 TWIN = """## A twin of the experiment
 
-The twin simulates the machine, its grid of 176 poses, measured in one direction and back, and the measurements of the carts (`examples/dressler2010/README.md`: what is assumed). `gtpin compare` fits models 1 to 5 to each half of the {poses} poses within the actuator range and predicts the other half; the paper had 122. *Grid of Table III*: the same machines at the {recovered} poses of the grid above. The random errors are drawn {draws} times (seeds 0 to {last}).
+The twin simulates the machine, its grid of 176 poses, measured in one direction and back, and the measurements of the carts (assumptions: `examples/dressler2010/README.md`). `gtpin compare` fits models 1 to 5 to each half of the {poses} poses within the actuator range and predicts the other half; the paper had 122 poses. *Grid of Table III*: the same machines at the {recovered} poses of the grid above. The random errors are drawn {draws} times (seeds 0 to {last}).
 
 - The errors have the size of Table I, and its order except for models 2 and 3. Of {draws} draws, the mean error of the first model is larger: 1 > 2 in {o[0]}, 2 > 3 in {o[1]}, 3 > 4 in {o[2]}, 4 > 5 in {o[3]}.
-- Models 2 and 3: the rotation of the plate contributes {asked:.0f} micrometres of rod length to the residual of link 1 by Table II's costs, {given:.0f} by its geometry.
-- The mean errors of models 3 to 5 are larger than printed, by {low:.0f} to {high:.0f} % over the draws: errors of the links of one cart are correlated, and the poses are held out.
+- Models 2 and 3: the rotation of the plate adds {asked:.0f} micrometres of rod length to the residual of link 1 by Table II's costs, {given:.0f} by its geometry.
+- The mean errors of models 3 to 5 are larger than printed, by {low:.0f} to {high:.0f} % over the draws: errors of a cart's links are correlated, and the poses are left out of the fit.
 - Models 4 and 5 are {gap:.1f} um apart in the mean on the twin's grid and {other_gap:.1f} um on that of Table III, where 4 > 5 in {other} draws. The paper prints 10 um; its own Table II gives {from_table2:.1f} um.
-- Of {fits} comparisons by the pose cost, {aside} set poses aside as gross errors.
 """
 
 TABLE3_HEAD = """# Table III, number by number
@@ -79,7 +78,7 @@ TABLE3_HEAD = """# Table III, number by number
 
 COSTS = """## The two costs
 
-The paper minimises squared closure residuals, for each link separately (*closure cost*, `examples/dressler2010/paper_closures.py`). The noise of the measured orientation then biases the estimated joint positions: by about 0.8 mm at a milliradian, with tolerances of 1 mm (`tests/paper_models`). gtpin minimises the difference between predicted and measured poses in units of their noise, with the tolerances as priors (*pose cost*); no bias is found.
+The paper minimises squared closure residuals, for each link separately (*closure cost*, `examples/dressler2010/paper_closures.py`). The noise of the measured orientation then biases the estimated joint positions: by about 0.8 mm at 1 mrad, with tolerances of 1 mm (`tests/paper_models`). gtpin minimises the difference between predicted and measured poses in units of their noise, with the tolerances as priors (*pose cost*); no bias is found.
 """
 
 
@@ -132,8 +131,6 @@ def twin(draws: Draws, from_table2: float) -> str:
         other_gap=other_gap,
         other=order(draws.recovered)[PAIRS.index((3, 4))],
         from_table2=from_table2,
-        fits=10 * len(draws),
-        aside=draws.set_aside,
     )
     return "\n".join([text, markdown(draws)])
 
