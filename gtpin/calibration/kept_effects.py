@@ -47,7 +47,7 @@ def with_kept_effects(
     )
     kept = tuple(active for active in effects if lasts(active, robot))
     if left_out := ", ".join(active.name for active in effects if active not in kept):
-        warn(f"not kept: {left_out}, which say nothing of another day")
+        warn(f"left out: {left_out}, which are not valid on another day")
     for active in kept:
         if active.site not in active.effect.sites(robot):
             what = f"{robot.name} has no {active.site} with a {active.effect.id}"

@@ -296,7 +296,9 @@ def _usable_readings(dataset: Dataset, model: Model) -> tuple[Dataset, Readings]
     kept = whole.take(sane_rows(whole) & whole.readings.countable)
     reached = model.kinematics.forward(kept.q).reached
     if not reached.all():
-        warn(f"set aside, for the robot can't reach them: {', '.join(map(str, dict.fromkeys(kept.pose[~reached])))}")
+        warn(
+            f"set aside, because the robot can't reach them: {', '.join(map(str, dict.fromkeys(kept.pose[~reached])))}"
+        )
     kept = kept.take(reached).in_order()
     readings = Readings.of(kept, robot)
     declared = np.array([sigma is not None for sigma in readings.declared])
@@ -325,7 +327,7 @@ def _noise(dataset: Dataset, model: Model, priors: Priors) -> Noise:
     if model.fit is not None:
         return noise_of_fit(model, model.fit, own.position_sigma, own.orientation_sigma, priors)
     noise = known_noise(dataset, own.position_sigma, own.orientation_sigma, drives_of(model, priors))
-    warn("the model states no noise of a fit: scatter of the drives is taken as the smallest; calibrate the robot")
+    warn("the model states no noise of a fit: the smallest repeatability of the drives is assumed; calibrate the robot")
     return noise
 
 

@@ -251,7 +251,7 @@ def warn_of_noise(small: dict[Sigma, tuple[float, float]]) -> None:
         ratio = seen / declared
         warn(
             f"{key} is {declared:.2g}, but these data scatter by {seen:.2g}, {ratio:.2g} times more: the search for causes "
-            "assumes this scatter, the verdict does not"
+            "uses this noise, the verdict the declared one"
         )
 
 

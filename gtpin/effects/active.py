@@ -224,7 +224,7 @@ def warn_of_other_times(effects: Sequence[ActiveEffect], robot: Chain, covariate
             continue
         if "time" not in covariates:
             if "time" not in needed:
-                warn(f"there is no column time: {active.name} is taken as it was at the end of its fit")
+                warn(f"there is no column time: {active.name} is used as it was at the end of its fit")
             continue
         start, span = active.references.time
         time = np.atleast_1d(np.asarray(covariates["time"], dtype=float))

@@ -111,7 +111,7 @@ def session_columns(at: OperatingPoints) -> Floats:
     known = at.references.sessions
     unseen = sorted(set(names) - set(known))
     if unseen:
-        warn(f"sessions never seen, which get the mean shift: {', '.join(unseen)}")
+        warn(f"sessions that were not in the fit, for which the mean shift is used: {', '.join(unseen)}")
     columns = (names[:, None] == np.array(known)).astype(float)
     columns[np.isin(names, unseen)] = 1.0 / len(known)
     return np.asarray(columns)

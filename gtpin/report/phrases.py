@@ -52,7 +52,7 @@ ROUGH = ChainWords(
 DOUBTS = {
     "description": (
         "The error at {site} is a smooth function of {columns}. This describes the error; it is no cause. To find the "
-        "mechanism, leave out other regions and record other columns."
+        "mechanism, diagnose regions separately and record other columns."
     ),
     "restless": "The errors of {site} differ between poses by more than the scatter of repeated visits.",
     "held_out": (

@@ -127,8 +127,8 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
     hidden, rare = may_hide(d), beyond_chance(d)
     if rare:
         hidden = [
-            f"Noise alone would leave as much in {rare} of all cases: not rare enough for a verdict of unknown. Visit some "
-            "poses several times: noise differs between the visits, and an error repeats.",
+            f"With noise alone, residuals would be as large in {rare} of all datasets: too often for the verdict unknown. "
+            "Visit some poses several times: noise differs between the visits, and an error repeats.",
             *hidden,
         ]
     if d.noise_ratio > PRIORS.understated:
@@ -138,7 +138,7 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
         return [headline], [wrong, *hidden]
     if may_hide(d) or scattered(d):
         why = "whose causes could not be tested" if may_hide(d) else "which no effect of a recorded column explains"
-        headline = f"No cause is detected. Much of the noise is scatter between visits, {why}."
+        headline = f"No cause is detected. Much of the noise is scatter between repeated visits, {why}."
         return [headline], [scatters(d.baseline), *hidden]
     if rare:
         return [
@@ -194,9 +194,7 @@ def _ambiguous(d: Diagnosis) -> tuple[list[str], list[str]]:
             what = "don't exclude the less probable members of a class"
         lacking = [f"These data {what}."]
     elif not lacking:
-        lacking = [
-            "These data are too few to be sure of the cause: it, or something else, could leave the same errors."
-        ]
+        lacking = ["These data are too few to be certain: this cause, or another one, could leave the same errors."]
     return cause_lines(d), [*_remedies(d, sure), *on_the_gap(d), *lacking]
 
 

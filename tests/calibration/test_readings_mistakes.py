@@ -89,7 +89,7 @@ def test_sigmas_of_rows_that_are_far_too_large_are_not_used(tmp_path):
     wrong = EYE.reading(**{name: 5.0 * np.array(EYE.columns[name]) for name in ("sx", "sy", "sz")})
     found, said = warned(tmp_path, wrong)
     assert "sx sy sz of eye are" in said
-    assert "the data's own is used" in said
+    assert "the noise of the data is used" in said
     assert found.noise.estimated.all()
 
 

@@ -219,7 +219,7 @@ def test_ids_that_do_not_fit_the_description_are_named(tmp_path, name):
 
 def test_a_socket_that_is_visited_once_is_warned_of_and_does_no_harm(tmp_path):
     once = with_id(CUP, "socket", 7, "Z")
-    with pytest.warns(GtpinWarning, match="visited once, so that they say nothing: sockets Z"):
+    with pytest.warns(GtpinWarning, match="visited once, which gives no information: sockets Z"):
         found = gtpin.calibrate(read(tmp_path / "set", once))
     assert_calibrated(found)
 
@@ -255,7 +255,7 @@ def test_a_sigma_that_is_a_resolution_is_questioned_and_does_little_harm(tmp_pat
 
 
 def test_a_sigma_of_a_careful_data_sheet_is_not_used_and_warned_of(tmp_path):
-    with pytest.warns(GtpinWarning, match="the data's own is used"):
+    with pytest.warns(GtpinWarning, match="the noise of the data is used"):
         found = gtpin.calibrate(read(tmp_path / "set", WIRE.saying(sigma=8e-5)))
     assert_calibrated(found)
 

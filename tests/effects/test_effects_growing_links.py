@@ -63,5 +63,5 @@ def test_a_prediction_at_no_time_or_a_later_one_than_the_fit_s_is_as_at_its_end(
     at_the_end = gtpin.Commands(np.array(["a"]), q[:1], {"temp_link": np.array([25.0]), "time": np.array([1000.0])})
     np.testing.assert_allclose(later_on[2], predict(model, at_the_end).T[0], rtol=0, atol=1e-15)  # as it was last
     without = gtpin.Commands(np.array(["a"]), q[:1], {"temp_link": np.array([25.0])})
-    with pytest.warns(gtpin.GtpinWarning, match="no column time: thermal_links@arm is taken as it was at the end"):
+    with pytest.warns(gtpin.GtpinWarning, match="no column time: thermal_links@arm is used as it was at the end"):
         np.testing.assert_allclose(predict(model, without).T, later_on[2:], rtol=0, atol=1e-15)

@@ -285,7 +285,7 @@ def _warn_of_deviations(settled: FitState) -> None:
     if not far and chance < limits.GEOMETRY_CHANCE:
         text = f"the geometry as a whole is farther from nominal than its tolerances allow (chance {chance:.1g})"
         hint = "check commands, known distances, and what is declared of the instruments, or give larger tolerances"
-        warn(f"{text}: {hint}; an effect that the geometry takes up may do this as well")
+        warn(f"{text}: {hint}; an effect that the geometry absorbs can be the reason too")
     if names := far_from_declared(readings.deviation, [unknown.name for unknown in readings.unknowns], "sigmas"):
         hint = "correct what it declares, or give larger prior sigmas"
         warn(

@@ -88,7 +88,7 @@ def usable_rows(given: Dataset, nominal: Model, *, tracked: bool) -> tuple[Datas
     check_commands(given, robot)
     poses, usable = nominal.kinematics.forward(whole.q), sane_rows(whole)
     countable = "for numbers that are too large to count with", "no reading that can be counted with"
-    reached = "for the robot can't reach them", "the robot reaches none of these commands"
+    reached = "because the robot can't reach them", "the robot reaches none of these commands"
     for good, (why, what), hint in (
         (whole.readings.countable, countable, "check the tables' units"),
         (poses.reached, reached, "check q1 .. qn"),
@@ -143,7 +143,7 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
         raise DatasetError("the robot can reach none of the poses", file=dataset.file, hint=hint)
     check_other_readings(dataset, nominal, poses, there & ~outside)
     if not there.all():
-        warn_of(dataset.file, f"set aside, for the robot can't reach them: {named_poses(dataset, ~there)}")
+        warn_of(dataset.file, f"set aside, because the robot can't reach them: {named_poses(dataset, ~there)}")
     return np.asarray(there & ~outside)
 
 

@@ -78,8 +78,8 @@ def with_credible_noise(fit: RobustFit, settled: FitState) -> tuple[RobustFit, F
             if settled.noise.repeatability > 0.0:
                 what += f", beside a repeatability of {settled.noise.repeatability:.2g} of each drive"
             warn(
-                f"{what}, before any cause is looked for: the fit of the geometry takes it for noise; the declared value is "
-                "wrong, or something changes between visits"
+                f"{what}, without causes: the fit of the geometry uses this noise; the declared value is wrong, or something "
+                "changes between visits"
             )
     suspects = [one for one in _declared(readings) if _overstated(settled, one)]
     if not suspects:
@@ -91,7 +91,7 @@ def with_credible_noise(fit: RobustFit, settled: FitState) -> tuple[RobustFit, F
     for one in sorted(wrong, key=lambda one: seen[one.group] / one.value):
         if one.value > limits.NOISE_OVERSTATED * seen[one.group]:
             raise _error(readings, one, seen[one.group])
-        warn(f"{_text(readings, one, seen[one.group])}: the data's own is used")
+        warn(f"{_text(readings, one, seen[one.group])}: the noise of the data is used")
     if not wrong:
         return fit, settled
     if wrong != suspects:

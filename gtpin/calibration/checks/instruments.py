@@ -346,7 +346,7 @@ def check_sockets(dataset: Dataset, robot: Chain) -> None:
             hint = "visit each socket from several poses: a point that is unknown takes the first visit"
             raise DatasetError("every socket is visited once", file=rows.files[i], column="socket", hint=hint)
         if once:
-            warn(f"{rows.files[i]}: visited once, so that they say nothing: sockets {', '.join(once)}")
+            warn(f"{rows.files[i]}: visited once, which gives no information: sockets {', '.join(once)}")
 
 
 def check_stations(dataset: Dataset) -> None:
