@@ -146,9 +146,10 @@ def _smooth_log_odds(
 ) -> dict[SmoothTerm, float]:
     """Log odds of each smooth term that competes with a cause, whose gain is ``gained``, nats, and whose log odds are given.
 
-    ``unknown``: whether smooth terms are in the model, or something ``unlisted`` acts. Then those of the cause's own site and
-    coordinates gain in addition what an unlisted effect departs from a smooth function: as much as a cause departs from its
-    equation.
+    ``unknown``: whether smooth terms are in the model, or something ``unlisted`` acts. Then nothing is against those of the
+    cause's own site and coordinates; beside a profile they gain in addition what an unlisted effect departs from a smooth
+    function: as much as a cause departs from its equation. A mechanism's equation has fewer coefficients, and where it gains
+    more it explains more. Study: examples/planted (a gear's line beside the rough errors of other joints).
 
     A profile (a track that is not straight, several lines of a drive) follows any function of its own command. It has no
     equation from which a machine could depart, so nothing is added for a departure where a smooth term has other coordinates:
@@ -169,7 +170,7 @@ def _smooth_log_odds(
             continue
         departure = priors.departure * max(gained, 0.0)
         if unknown and term.site == cause.site and set(term.over) <= cause.drivers(robot):
-            against = -departure
+            against = -departure if free else 0.0
         elif unlisted:
             against = 0.0
         else:

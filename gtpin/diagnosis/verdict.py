@@ -313,6 +313,11 @@ def _apart(hypotheses: HypothesisSet, model: Posterior[Term]) -> tuple[Hypothesi
     return tuple(sure)
 
 
+FAST = 5.0
+"""Number of periods in the travel from which a line is too fast for a smooth term of another site: twice that of the shortest
+wave of these, which has five half waves over the workspace (``ORDERS`` of ``smooth_terms.py``)."""
+
+
 def _pays(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis) -> bool:
     """Whether a cause of a model gains more than twice its cost."""
     loss = model.log_evidence - without(hypotheses.groups, model, cause).log_evidence
@@ -322,11 +327,16 @@ def _pays(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis) 
 def _alike(hypotheses: HypothesisSet, cause: Hypothesis, smooth: Sequence[SmoothTerm]) -> bool:
     """Whether a cause can look like one of some smooth terms.
 
-    Smooth terms vary too slowly to follow lines, so several lines of a joint can't be confused with them.
+    Smooth terms vary too slowly to follow lines, so several lines of a joint can't be confused with them; nor can one of a
+    short period with those of other sites.
     """
-    robot = hypotheses.design.operating_points.robot
+    at = hypotheses.design.operating_points
+    robot = at.robot
     if cause.further and hypotheses.long:
         return False
+    if hypotheses.long and cause.effect.most_values > 1 and cause.values:
+        turns = np.ptp(at.q[:, robot.sites.index(cause.site)]) / cause.values[0]
+        smooth = [term for term in smooth if term.site == cause.site or turns < FAST]
     return any(alike(robot, cause, term) for term in smooth)
 
 
