@@ -57,10 +57,10 @@ def without_some_touches(case: InstrumentCase) -> tuple[InstrumentCase, tuple[Le
         if gauge.touches:
             rng = np.random.default_rng(np.random.SeedSequence([case.recipe.seed, 9, *gauge.name.encode()]))
             kept[rng.permutation(len(kept))[: len(kept) // ONE_IN]] = False
-            out = gauge.kept(~kept)
+            out = gauge.take(~kept)
             values = out.readings(case.steady[out.stop], out.truth)
             found.append(LeftOutTouches(gauge.name, data.table(read.take(~kept)), values, out.sigma))
-        gauges.append(gauge.kept(kept))
+        gauges.append(gauge.take(kept))
         tables.append(read.take(kept))
         every.append(kept)
     effects = tuple(replace(effect, displacement=effect.displacement[np.concatenate(every)]) for effect in case.effects)

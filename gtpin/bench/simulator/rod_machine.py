@@ -158,19 +158,17 @@ class RodMachine:
         return self.kinematics.predict(q)
 
     def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
-        J = self.kinematics.command_jacobian(q, poses)
-        return self._with_joint(J, q, poses, self.kinematics.commanded(q)) if poses.joints else J
+        return self._answer(q, poses, self.kinematics.commanded(q))
 
     def by_tolerance(self, q: Floats, poses: VirtualPoses) -> Floats:
-        J = self.kinematics.geometry_jacobian(q, poses)
-        J = self._with_joint(J, q, poses, self.kinematics.changed(q)) if poses.joints else J
-        return np.asarray(J * self.geometry.tolerance)
+        return np.asarray(self._answer(q, poses, self.kinematics.changed(q)) * self.geometry.tolerance)
 
-    def _with_joint(
-        self, J: Floats, q: Floats, poses: VirtualPoses, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]]
-    ) -> Floats:
-        own = self.universal.by_motion(poses, self.kinematics.ends(q), J, moved)
-        return np.concatenate([J, own], axis=1)
+    def _answer(self, q: Floats, poses: VirtualPoses, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]]) -> Floats:
+        """As :meth:`~gtpin.bench.simulator.rods.Rods.answer`, followed by the joint that is read, where there is one."""
+        J = self.kinematics.answer(q, poses, moved)
+        if not poses.joints:
+            return J
+        return np.concatenate([J, self.universal.by_motion(poses, self.kinematics.ends(q), J, moved)], axis=1)
 
     def ends(self, q: Floats, deviation: Deviation) -> VirtualRodEnds:
         """The rods' ends at commands q (N, n)."""

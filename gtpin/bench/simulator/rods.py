@@ -233,15 +233,11 @@ class Rods:
 
     def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
         """(N, 6, n) derivative of the pose by the commands: position and rotation vector, base frame."""
-        return self._answer(q, poses, self.commanded(q))
+        return self.answer(q, poses, self.commanded(q))
 
     def commanded(self, q: Floats) -> list[tuple[VirtualRodEnds, VirtualRodEnds]]:
         """The ends with each command larger, and smaller, by ``NUDGE``."""
         return [(self.ends(q + step), self.ends(q - step)) for step in NUDGE * np.eye(q.shape[1])]
-
-    def geometry_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
-        """(N, 6, p) derivative of the pose by the geometry's parameters: position and rotation vector, base frame."""
-        return self._answer(q, poses, self.changed(q))
 
     def changed(self, q: Floats) -> list[tuple[VirtualRodEnds, VirtualRodEnds]]:
         """The ends with each parameter of the geometry larger, and smaller, by ``NUDGE``."""
@@ -252,7 +248,7 @@ class Rods:
         values = self.geometry.values
         return [(ends(values + step), ends(values - step)) for step in NUDGE * np.eye(len(values))]
 
-    def _answer(self, q: Floats, poses: VirtualPoses, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]]) -> Floats:
+    def answer(self, q: Floats, poses: VirtualPoses, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]]) -> Floats:
         """(N, 6, m) derivative of the pose by m numbers, from pairs of ends ``moved`` by +-``NUDGE`` of each number."""
         # Gaps as half the differences of squared lengths: the same at closed poses, and published cases were made with them.
         opened = [(one.squares(poses) - other.squares(poses)) / (2.0 * NUDGE) for one, other in moved]

@@ -179,7 +179,7 @@ class ArmSituation(Postures):
     ) -> ArmSituation:
         """The postures with a deviation; ``near``: nearby postures to start from, where they are known."""
         bodies, bending = machine.bodies(visits.q, deviation, near)
-        tcp, target = bodies.at(machine.tcp, bending), machine.target
+        tcp, target = bodies.at(machine.true.tcp, bending), machine.target
         seen = VirtualPoses(tcp.T + tcp.R @ target.p, tcp.R @ target.R)
         return ArmSituation(machine, visits, seen, bodies, bending, tcp)
 
@@ -204,7 +204,7 @@ class ArmSituation(Postures):
     @property
     def looped(self) -> bool:
         """Whether the machine has loops."""
-        return bool(self.machine.loops.pairs)
+        return bool(self.machine.robot.pairs)
 
     # --------------------------------------------------------------------------------------------------- loads
 
@@ -214,7 +214,7 @@ class ArmSituation(Postures):
         N m; base frame. In loops with the forces that hold the passive joints."""
         force, moment = self._own()
         if self.looped:
-            loops = self.machine.loops
+            loops = self.machine.true
             whole = self._carried(force.copy(), moment.copy())
             pushes = np.column_stack([self._along(j, *whole) for j in loops.passive])
             pulls, at = loops.pulls(self.bodies, self.bending, pushes)
@@ -230,7 +230,7 @@ class ArmSituation(Postures):
         """(N, J, 3) forces and moments on each body itself: its weight, and on the last one payload and force on the tool."""
         machine, tool = self.machine, self.machine.robot.tcp.joint
         force, moment = np.zeros_like(self.bodies.p), np.zeros_like(self.bodies.p)
-        for j in range(len(machine.joints)):
+        for j in range(len(machine.true.joints)):
             force[:, j] = machine.masses[j] * machine.robot.gravity
             moment[:, j] = np.cross(self._centre(j), force[:, j])
         if tool >= 0:
@@ -248,8 +248,8 @@ class ArmSituation(Postures):
 
     def _carried(self, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
         """Forces and moments on each body and on all bodies that it carries, from those on the bodies themselves."""
-        for j in reversed(range(len(self.machine.joints))):
-            parent = self.machine.joints[j].parent
+        for j in reversed(range(len(self.machine.true.joints))):
+            parent = self.machine.true.joints[j].parent
             if parent >= 0:
                 force[:, parent] += force[:, j]
                 moment[:, parent] += moment[:, j]
@@ -257,7 +257,7 @@ class ArmSituation(Postures):
 
     def _along(self, joint: int, force: Floats, moment: Floats) -> Floats:
         """(N,) load of a joint along its coordinate, N m or N, from forces and moments about the base's origin."""
-        one, push = self.machine.joints[joint], force[:, joint]
+        one, push = self.machine.true.joints[joint], force[:, joint]
         if not one.slides:
             push = moment[:, joint] - np.cross(self.bodies.p[:, joint], push)
         return np.asarray(np.einsum("ni,ni->n", push, self.bodies.seats[:, joint] @ one.axis))
@@ -298,7 +298,7 @@ class ArmSituation(Postures):
 
     @property
     def _standing(self) -> list[int]:
-        return [j for j, joint in enumerate(self.machine.joints) if joint.parent < 0]
+        return [j for j, joint in enumerate(self.machine.true.joints) if joint.parent < 0]
 
     @property
     def leaning(self) -> Floats:
@@ -312,7 +312,7 @@ class ArmSituation(Postures):
     def tilted(self, angle: Floats, about: Floats) -> Deviation:
         """Deviation that rotates everything on the base by small angles (N,), rad, about a direction (3,), base frame: about
         the first joint's origin; with loops about the base's origin."""
-        deviation, joints = self.unbent(), self.machine.joints
+        deviation, joints = self.unbent(), self.machine.true.joints
         if not self.looped:
             seat = self.bodies.seats[:, self.machine.robot.counted[0]]
             deviation.axis[:, 0, 3:] = angle[:, None] * np.einsum("nji,j->ni", seat, about)

@@ -221,7 +221,7 @@ def test_a_touch_that_is_left_out_misses_by_what_the_machine_scattered() -> None
     whole = build_measured(loose, draft.instruments)
     _, (touches,) = without_some_touches(whole)
     (gauge,) = whole.gauges
-    own = gauge.kept(np.isin(whole.dataset.pose[gauge.stop], touches.columns["pose"]))
+    own = gauge.take(np.isin(whole.dataset.pose[gauge.stop], touches.columns["pose"]))
     moved = own.by_motion(whole.true[own.stop]) @ jitter(whole)[own.stop]
     sigma = np.sqrt(own.sigma**2 + (moved**2).sum(axis=2))
     assert np.median(sigma / own.sigma) > 2.0
