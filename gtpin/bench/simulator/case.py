@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
 from gtpin.bench.simulator.arm import Arm
-from gtpin.bench.simulator.build import build, capacity, known_robot
+from gtpin.bench.simulator.build import build, known_robot
 from gtpin.bench.simulator.causes.kinds import kind, listed, unlisted
 from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions, SimulatedNoise, Wanted
 from gtpin.bench.simulator.truth import Case, EffectTruth
@@ -44,7 +44,7 @@ def _drawn(
         place = site or str(rng.choice(kind(name, robot).sites(robot)))
         wanted.append(Wanted(name, place, noncentrality=float(np.exp(rng.uniform(*np.log(span))))))
     needs = {need for name, _ in effects for need in kind(name, robot).needs}
-    return wanted, SimulatedConditions.draw(rng, needs, capacity(robot))
+    return wanted, SimulatedConditions.draw(rng, needs, robot.capacity if isinstance(robot, Arm) else 20.0)
 
 
 @renamed_argument("energy", "noncentrality")
@@ -138,20 +138,17 @@ def bulk_recipe(seed: int, *, rough: bool = False, poses: int | None = None, rob
     noise: SimulatedNoise | None = None
     without: tuple[str, ...] = ()
     if rough:
-        noise, without = _rough_noise(rng), LACKING[int(rng.integers(len(LACKING)))]
+        noise = SimulatedNoise(
+            declared=bool(rng.random() < 0.5),
+            by_range=float(rng.choice([0.0, 0.5])),
+            tails=float(rng.uniform(3.0, 6.0)) if rng.random() < 0.5 else None,
+            gross=float(rng.choice([0.0, 0.01, 0.03])),
+            orientations=bool(rng.random() < 0.85),
+        )
+        without = LACKING[int(rng.integers(len(LACKING)))]
         poses = poses or int(rng.integers(70, 201))
     unknown = what == "unknown"
     return drawn_recipe(seed, n_effects=number, unknown=unknown, poses=poses, noise=noise, without=without, robot=robot)
-
-
-def _rough_noise(rng: np.random.Generator) -> SimulatedNoise:
-    return SimulatedNoise(
-        declared=bool(rng.random() < 0.5),
-        by_range=float(rng.choice([0.0, 0.5])),
-        tails=float(rng.uniform(3.0, 6.0)) if rng.random() < 0.5 else None,
-        gross=float(rng.choice([0.0, 0.01, 0.03])),
-        orientations=bool(rng.random() < 0.85),
-    )
 
 
 class ScenarioEffect(BaseModel, frozen=True, extra="forbid"):
