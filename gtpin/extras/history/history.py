@@ -15,6 +15,7 @@ from gtpin.data import Dataset
 from gtpin.data.files import read_text
 from gtpin.diagnosis.result import HealthCheck, Verdict
 from gtpin.errors import GtpinError
+from gtpin.output.results import fields
 
 SCHEMA: Final = "gtpin-history/1"
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -66,11 +67,8 @@ class Entry(HistoryPart):
         changes = []
         for c in check.causes:
             name, e = next(iter(c.parameters.items()))
-            changes.append(
-                Changed(
-                    effect=c.effect, site=c.site, probability=c.probability, parameter=name, value=e.value, unit=e.unit
-                )
-            )
+            first = {"parameter": name, "value": e.value, "unit": e.unit}
+            changes.append(Changed.model_validate(fields(c, "effect", "site", "probability") | first))
         return Entry(
             date=now.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
             robot=check.baseline.robot.name,

@@ -205,7 +205,14 @@ class _UrdfWriter:
         elif given:
             SubElement(own, "gravity", xyz=exact_text(self.values.numbers(given[-1].attrib, "gravity", "", 3)))
         self.robot.append(own)
-        self._warn(root)
+        self.masses.warn()
+        lifted = [body.get("name", "a body") for body in root.iter("body") if body.get("gravcomp", "0").strip("0. ")]
+        if lifted:
+            names = listed(lifted, SHOWN)
+            warn(f"{self.values.source}: gravcomp is not read, gravity acts on the whole mass: bodies {names}")
+        for name in sorted(self.named & self.bodies.keys() - {WORLD}):
+            what = f"a site and a body are called {name}: the link {name} is the site, and the link of the body is"
+            warn(f"{self.values.source}: {what} {self.bodies[name]}")
         indent(self.robot)
         return tostring(self.robot, encoding="unicode")
 
@@ -219,18 +226,6 @@ class _UrdfWriter:
             what = f"{TCP_MARK} names {marks[-1]!r}, which is no body and no site"
             raise self.values.error(what, "mend <custom>")
         return link
-
-    def _warn(self, root: Element) -> None:
-        self.masses.warn()
-        lifted = [body.get("name", "a body") for body in root.iter("body") if body.get("gravcomp", "0").strip("0. ")]
-        if lifted:
-            names = listed(lifted, SHOWN)
-            warn(f"{self.values.source}: gravcomp is not read, gravity acts on the whole mass: bodies {names}")
-        for name in sorted(self.named & self.bodies.keys() - {WORLD}):
-            warn(
-                f"{self.values.source}: a site and a body are called {name}: the link {name} is the site, and the link of the "
-                f"body is {self.bodies[name]}"
-            )
 
     # ------------------------------------------------------------------------------------------------ bodies
 
@@ -414,20 +409,16 @@ class _UrdfWriter:
             what = f"two equality constraints of joint {follower}"
             raise self.values.error(what, "keep one")
         if master is None:
-            self._fix(joint, self.initial[follower] + poly[0])
+            origin, twist = self.moves[follower]
+            joint.set("type", "fixed")
+            for part in [part for part in joint if part.tag in ("axis", "limit")]:
+                joint.remove(part)
+            set_origin(joint, origin * pin.exp6((self.initial[follower] + poly[0]) * twist))
             return
         if poly[2:].any():
             raise self.values.error(f"equality/joint of {follower} is a curve", hint)
         offset = self.initial[follower] + poly[0] - poly[1] * self.initial[master]
         SubElement(joint, "mimic", joint=master, multiplier=repr(float(poly[1])), offset=repr(float(offset)))
-
-    def _fix(self, joint: Element, coordinate: float) -> None:
-        """Make a joint a fixed one, at a coordinate, rad or m."""
-        origin, twist = self.moves[joint.get("name", "")]
-        joint.set("type", "fixed")
-        for part in [part for part in joint if part.tag in ("axis", "limit")]:
-            joint.remove(part)
-        set_origin(joint, origin * pin.exp6(coordinate * twist))
 
     # ------------------------------------------------------------------------------------------------ elements
 

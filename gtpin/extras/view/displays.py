@@ -246,7 +246,16 @@ class ChainDisplay:
         if self._meshes is None:
             self._lines()
         else:
-            self._meshes.update_cfg(np.array([self._angle(name, configuration) for name in self._names]))
+            found, model = (
+                np.zeros(len(self._names)),
+                self.robot.model,
+            )  # 0 for a joint that the Pinocchio model does not have
+            for i, name in enumerate(self._names):
+                if model.existJointName(name):
+                    joint = model.joints[model.getJointId(name)]
+                    own = configuration[joint.idx_q : joint.idx_q + joint.nq]
+                    found[i] = np.arctan2(own[1], own[0]) if joint.nq == 2 else own[0]
+            self._meshes.update_cfg(found)
 
     def _load(self) -> Any:
         xml = with_its_meshes(self.robot.description)
@@ -259,15 +268,6 @@ class ChainDisplay:
         urdf = yourdfpy.URDF.load(BytesIO(xml.encode()), filename_handler=lambda fname: fname)
         self._names = tuple(urdf.actuated_joint_names)
         return ViserUrdf(self._server, urdf)
-
-    def _angle(self, name: str, configuration: Floats) -> float:
-        """The position of a joint by its name in the URDF, m or rad; 0 if the Pinocchio model does not have this joint."""
-        model = self.robot.model
-        if not model.existJointName(name):
-            return 0.0
-        joint = model.joints[model.getJointId(name)]
-        own = configuration[joint.idx_q : joint.idx_q + joint.nq]
-        return float(np.arctan2(own[1], own[0]) if joint.nq == 2 else own[0])
 
     def _lines(self) -> None:
         model = self.robot.model
