@@ -100,7 +100,7 @@ class RodSituation(Postures):
         return self.poses.with_joints({name: self.machine.universal.coordinate(self.poses, self.ends) for name in read})
 
     def grow(self, deviation: Deviation, link: int, growth: Floats) -> None:
-        deviation.length[:, link] = STEEL * self.machine.kinematics.L0[link] * growth
+        deviation.length[:, link] = STEEL * self.machine.L0[link] * growth
 
     @cached_property
     def _rods(self) -> tuple[Floats, Floats]:
@@ -130,7 +130,7 @@ class RodSituation(Postures):
             hanging: Floats | float = 0.5
             if machine.robot.rods[i].extension is not None:
                 (centre, sliding), length = machine.leg_masses[i], self.ends.L[:, i]
-                hanging = 1.0 - (centre + sliding * (length - machine.kinematics.L0[i])) / length
+                hanging = 1.0 - (centre + sliding * (length - machine.L0[i])) / length
             weight = np.multiply.outer(mass * hanging, gravity)
             wrench[:, :3] += weight
             wrench[:, 3:] += np.cross(self._rods[1][:, i], weight)

@@ -20,7 +20,7 @@ def hose_drag(site: Site, rng: np.random.Generator) -> Cause:
     stiffer = Field.draw(rng, [0.4] * 3)
 
     def cause(now: RodSituation) -> Deviation:
-        from_home = now.poses.T - now.machine.kinematics.home.T[0]
+        from_home = now.poses.T - now.machine.home.T[0]
         lever = now.poses.R @ seat
         way = anchor - from_home - lever
         force = stiffness * way * (1.0 + 0.2 * stiffer(from_home))[:, None]
