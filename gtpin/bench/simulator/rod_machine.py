@@ -120,7 +120,23 @@ class RodMachine(Rods):
     @cached_property
     def leg_masses(self) -> Floats:
         """(k, 2) a rod's centre of mass from the platform at command zero, m; the share of its mass that a leg moves."""
-        return np.array([_centre_and_sliding(self.robot, i) for i in range(len(self.robot.rods))])
+        robot, found = self.robot, []
+        for i, rod in enumerate(robot.rods):
+            if rod.extension is None:
+                found.append((rod.L / 2.0, 0.0))
+                continue
+            moment = sliding = 0.0
+            placement = pin.SE3.Identity()
+            for joint in _bodies(robot, i):
+                if joint != rod.joint_id:
+                    placement = placement * robot.model.jointPlacements[joint]
+                inertia = robot.model.inertias[joint]
+                moment += inertia.mass * float(np.linalg.norm(placement.act(inertia.lever)))
+                if joint >= robot.actuators[rod.extension].joint_id:
+                    sliding += inertia.mass
+            mass = _rod_mass(robot, i)
+            found.append((moment / mass, sliding / mass))
+        return np.array(found)
 
     def unbent(self, visits: int) -> Deviation:
         return Deviation.none(visits, self.n_carts, len(self.robot.rods))
@@ -254,21 +270,3 @@ def _bodies(robot: Chain, rod: int) -> list[int]:
 
 def _rod_mass(robot: Chain, rod: int) -> float:
     return float(sum(robot.model.inertias[joint].mass for joint in _bodies(robot, rod)))
-
-
-def _centre_and_sliding(robot: Chain, rod: int) -> tuple[float, float]:
-    """See :attr:`RodMachine.leg_masses`."""
-    extension = robot.rods[rod].extension
-    if extension is None:
-        return robot.rods[rod].L / 2.0, 0.0
-    moment = sliding = 0.0
-    placement = pin.SE3.Identity()
-    for joint in _bodies(robot, rod):
-        if joint != robot.rods[rod].joint_id:
-            placement = placement * robot.model.jointPlacements[joint]
-        inertia = robot.model.inertias[joint]
-        moment += inertia.mass * float(np.linalg.norm(placement.act(inertia.lever)))
-        if joint >= robot.actuators[extension].joint_id:
-            sliding += inertia.mass
-    mass = _rod_mass(robot, rod)
-    return moment / mass, sliding / mass

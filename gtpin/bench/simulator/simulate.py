@@ -21,9 +21,6 @@ from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
-POSITION_SIGMA, ORIENTATION_SIGMA = 1.5e-5, 5e-5
-"""Noise of a laser tracker, per axis, m and rad."""
-
 
 @dataclass(frozen=True)
 class TrueRobot:
@@ -122,9 +119,10 @@ def simulate(
     *,
     poses: int = 200,
     seed: int = 0,
+    instrument: InstrumentSection | None = None,
     held_out: int = 120,
 ) -> Simulation:
-    """Draw a machine from the robot's tolerances, move it to random commands, and measure it by a laser tracker.
+    """Draw a machine from the robot's tolerances, move it to random commands, and measure it.
 
     Parameters
     ----------
@@ -136,6 +134,8 @@ def simulate(
         Number of different commands that are measured; a tenth of them is visited twice.
     seed
         Seed of the random numbers. The same seed gives the same bytes.
+    instrument
+        The instrument's section of the dataset; None: a laser tracker with 15 um and 50 urad per axis, one sigma.
     held_out
         Number of further commands, which are not measured and whose truth is given.
 
@@ -146,14 +146,17 @@ def simulate(
     """
     if poses < 1 or held_out < 1:
         raise GtpinError(f"{min(poses, held_out)} poses", hint="ask for at least one")
+    instrument = instrument or InstrumentSection(position_sigma=1.5e-5, orientation_sigma=5e-5)
+    if instrument.position_sigma is None or instrument.orientation_sigma is None:
+        raise GtpinError("the instrument has no sigmas", hint="give position_sigma and orientation_sigma")
     rng = np.random.default_rng(seed)
     machine = draw_machine(robot, rng)
     q = draw_commands(machine, poses, rng)
     again = rng.choice(poses, size=int(REPEATED * poses), replace=False)
     visited = rng.permutation(np.concatenate([np.arange(poses), again]))
     true = machine.predict(q[visited])
-    position = true.T + POSITION_SIGMA * rng.standard_normal(true.T.shape)
-    turn = Rotation.from_rotvec(ORIENTATION_SIGMA * rng.standard_normal(true.T.shape))
+    position = true.T + instrument.position_sigma * rng.standard_normal(true.T.shape)
+    turn = Rotation.from_rotvec(instrument.orientation_sigma * rng.standard_normal(true.T.shape))
     quaternion = (turn * Rotation.from_matrix(true.R)).as_quat(canonical=True, scalar_first=True)
     dataset = Dataset(
         robot=reference,
@@ -161,7 +164,7 @@ def simulate(
         q=q[visited],
         position=position,
         orientation=quaternion,
-        instrument=InstrumentSection(position_sigma=POSITION_SIGMA, orientation_sigma=ORIENTATION_SIGMA),
+        instrument=instrument,
     )
     q_held = draw_commands(machine, held_out, rng)
     return Simulation(dataset, machine, Commands(ids(np.arange(held_out)), q_held), machine.predict(q_held))

@@ -212,9 +212,16 @@ class ArmSituation(Postures):
     def _loads(self) -> tuple[Floats, Floats]:
         """(N, J, 3) sums of the forces on everything that each joint carries, N, and of their moments about the base's origin,
         N m; base frame. In loops with the forces that hold the passive joints."""
-        force, moment = self._own()
+        machine, tool = self.machine, self.machine.robot.tcp.joint
+        force, moment = np.zeros_like(self.bodies.p), np.zeros_like(self.bodies.p)
+        for j, mass in enumerate(machine.masses):
+            force[:, j] = mass * machine.robot.gravity
+            moment[:, j] = np.cross(self._centre(j), force[:, j])
+        if tool >= 0:
+            force[:, tool] += self._on_tool
+            moment[:, tool] += np.cross(self.tcp.T, self._on_tool)
         if self.looped:
-            loops = self.machine.true
+            loops = machine.true
             whole = self._carried(force.copy(), moment.copy())
             pushes = np.column_stack([self._along(j, *whole) for j in loops.passive])
             pulls, at = loops.pulls(self.bodies, self.bending, pushes)
@@ -225,18 +232,6 @@ class ArmSituation(Postures):
                         force[:, end.joint] += sign * pulls[:, i]
                         moment[:, end.joint] += sign * turning[:, i]
         return self._carried(force, moment)
-
-    def _own(self) -> tuple[Floats, Floats]:
-        """(N, J, 3) forces and moments on each body itself: its weight, and on the last one payload and force on the tool."""
-        machine, tool = self.machine, self.machine.robot.tcp.joint
-        force, moment = np.zeros_like(self.bodies.p), np.zeros_like(self.bodies.p)
-        for j in range(len(machine.true.joints)):
-            force[:, j] = machine.masses[j] * machine.robot.gravity
-            moment[:, j] = np.cross(self._centre(j), force[:, j])
-        if tool >= 0:
-            force[:, tool] += self._on_tool
-            moment[:, tool] += np.cross(self.tcp.T, self._on_tool)
-        return force, moment
 
     @property
     def _on_tool(self) -> Floats:

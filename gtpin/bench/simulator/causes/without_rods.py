@@ -16,13 +16,8 @@ from gtpin.typing import Floats
 def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
     """100 ppm of the coordinate, some of them not constant: pitch of a belt, or lost counts."""
     uneven, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.01, 0.03)
-    sign = rng.choice([-1.0, 1.0])
-
-    def cause(now: ArmSituation) -> Deviation:
-        q, place = now.q[:, site.cart], now.places[:, site.cart]
-        return now.off(travel=(site.cart, sign * 1e-4 * (q + part * uneven(place))))
-
-    return cause
+    sign, cart = rng.choice([-1.0, 1.0]), site.cart
+    return lambda now: now.off(travel=(cart, sign * 1e-4 * (now.q[:, cart] + part * uneven(now.places[:, cart]))))
 
 
 def rack_periodic(site: Site, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:
