@@ -73,14 +73,6 @@ class OpenDirections:
         rest = um(self.parts.rest)
         return f"{', '.join(named)}; everything else, {rest} um" if named else f"{rest} um"
 
-    @property
-    def of_model(self) -> str:
-        """What the model does not explain, as a sentence; empty for nothing."""
-        if self.unexplained <= LEAST:
-            return ""
-        noise = "" if self.noise_known else " (noise of the instrument is in it, because it is not known)"
-        return f"Not explained by the model, of the data of its fit: {um(np.sqrt(3.0) * self.unexplained)} um{noise}. "
-
 
 def touches_one_plane(model: Model) -> bool:
     """Whether a model is of touches of one plane alone, which show no shift along it and no turn about its normal."""
@@ -227,10 +219,15 @@ def machine_words(
     up += "" if before is None else f" of {um(doubt.rms(before, slice(2, 3))[0])}"
     up += " um; a shift or turn of the part on the bed is no error" if standing else " um"
     lost = rms(after)
+    if doubt.unexplained > LEAST:
+        noise = "" if doubt.noise_known else " (noise of the instrument is in it, because it is not known)"
+        left = f"Not explained by the model, of the data of its fit: {um(np.sqrt(3.0) * doubt.unexplained)} um{noise}. "
+    else:
+        left = ""
     held = "The file holds the model exactly." if lost < LEAST else f"The file can't hold {um(lost)} um of the model."
     return (
         f"an expected error of the machine's TCP of {found}{of} um in {where} (95 %: {low} to {high} um; {up}). {held} "
-        f"{doubt.of_model}Not determined by the data: {doubt.words}"
+        f"{left}Not determined by the data: {doubt.words}"
     )
 
 

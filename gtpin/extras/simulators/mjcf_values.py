@@ -328,17 +328,16 @@ class Masses:
             geom = self.values.attributes(part.element, part.inherited)
             if low <= float(self.values.numbers(geom, "group", "0", 1)[0]) <= high:
                 total = total + part.frame.act(self._geom(name, geom))
-        return self._inertial(given) if given is not None and total.mass == 0.0 else total
-
-    def _inertial(self, part: Part) -> Any:
-        given = part.element.attrib
-        if "fullinertia" in given:
-            xx, yy, zz, xy, xz, yz = self.values.numbers(given, "fullinertia", "", 6)
+        if given is None or total.mass != 0.0:
+            return total
+        own, read = given.element.attrib, self.values.numbers
+        if "fullinertia" in own:
+            xx, yy, zz, xy, xz, yz = read(own, "fullinertia", "", 6)
             matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         else:
-            matrix = np.diag(self.values.numbers(given, "diaginertia", "0 0 0", 3))
-        own = pin.Inertia(float(self.values.numbers(given, "mass", "", 1)[0]), np.zeros(3), matrix)
-        return part.frame.act(self.values.placement(given).act(own))
+            matrix = np.diag(read(own, "diaginertia", "0 0 0", 3))
+        inertia = pin.Inertia(float(read(own, "mass", "", 1)[0]), np.zeros(3), matrix)
+        return given.frame.act(self.values.placement(own).act(inertia))
 
     def _geom(self, name: str, geom: Mapping[str, str]) -> Any:
         shape, at = geom.get("type", "sphere"), self.values.placement(geom)

@@ -367,8 +367,17 @@ class _UrdfWriter:
             missing = next((body for body in names if body not in self.bodies), None)
             if missing is None:
                 first, second = (self.bodies[body] for body in names)
-                one, other = self._weld(given, first, second) if tag == "weld" else self._point(given, first, second)
-                ends = [(first, one), (second, other)]
+                place = self.values.numbers(given, "anchor", "0 0 0" if tag == "weld" else "", 3)
+                anchor = pin.SE3(np.eye(3), place)
+                if tag == "weld":  # the frame that they share: with ``relpose``, else in the initial posture
+                    x, y, z, *quaternion = self.values.numbers(given, "relpose", "0 1 0 0 0 0 0", 7)
+                    relative = self.at[first].actInv(self.at[second])
+                    if any(quaternion):
+                        w, *vector = self.values.unit(np.array(quaternion), "relpose")
+                        relative = pin.XYZQUATToSE3(np.array([x, y, z, *vector, w]))
+                    ends = [(first, relative * anchor), (second, anchor)]
+                else:  # the point at which they meet in the initial posture
+                    ends = [(first, anchor), (second, self.at[second].actInv(self.at[first] * anchor))]
         if missing is not None:
             raise self.values.error(f"{tag} {name} of unknown {missing!r}", "name two bodies or sites")
         loop = SubElement(self.robot, "loop_joint", name=name, type="fixed" if tag == "weld" else "spherical")
@@ -376,21 +385,6 @@ class _UrdfWriter:
             end = SubElement(loop, key, link=link, xyz=exact_text(at.translation))
             if tag == "weld":
                 end.set("rpy", exact_text(pin.rpy.matrixToRpy(at.rotation)))
-
-    def _point(self, given: dict[str, str], first: str, second: str) -> tuple[Any, Any]:
-        """Placements on two links of the point at which they meet in the initial posture."""
-        anchor = pin.SE3(np.eye(3), self.values.numbers(given, "anchor", "", 3))
-        return anchor, self.at[second].actInv(self.at[first] * anchor)
-
-    def _weld(self, given: dict[str, str], first: str, second: str) -> tuple[Any, Any]:
-        """Placements on two links of the frame that they share: with ``relpose``, else in the initial posture."""
-        anchor = pin.SE3(np.eye(3), self.values.numbers(given, "anchor", "0 0 0", 3))
-        x, y, z, *quaternion = self.values.numbers(given, "relpose", "0 1 0 0 0 0 0", 7)
-        relative = self.at[first].actInv(self.at[second])
-        if any(quaternion):
-            w, *vector = self.values.unit(np.array(quaternion), "relpose")
-            relative = pin.XYZQUATToSE3(np.array([x, y, z, *vector, w]))
-        return relative * anchor, anchor
 
     def _tie(self, given: dict[str, str]) -> None:
         """Let a joint follow another by ``<mimic>``; without another one, fix it."""

@@ -100,19 +100,16 @@ def shapes(robot: Chain, share: Mapping[str, float]) -> Any:
                 shape.meshColor = np.append(of_share(share.get(rods[link], 0.0)), 1.0)
     for link, site in rods.items():
         if link not in drawn:
-            found.addGeometryObject(_cylinder(robot, site, share))
+            import coal
+
+            _, joint, tip = robot.rod_tips[site]
+            length = float(np.linalg.norm(tip))
+            turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), tip / max(length, 1e-12)).matrix()
+            cylinder = coal.Cylinder(RADIUS * robot.size / 4.0, length)
+            shape = pin.GeometryObject(site, joint, pin.SE3(turn, tip / 2.0), cylinder)
+            shape.meshColor = np.append(of_share(share.get(site, 0.0)), 1.0)
+            found.addGeometryObject(shape)
     return found
-
-
-def _cylinder(robot: Chain, site: str, share: Mapping[str, float]) -> Any:
-    import coal
-
-    _, joint, tip = robot.rod_tips[site]
-    length = float(np.linalg.norm(tip))
-    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), tip / max(length, 1e-12)).matrix()
-    shape = pin.GeometryObject(site, joint, pin.SE3(turn, tip / 2.0), coal.Cylinder(RADIUS * robot.size / 4.0, length))
-    shape.meshColor = np.append(of_share(share.get(site, 0.0)), 1.0)
-    return shape
 
 
 def with_its_meshes(description: RobotDescription) -> str:
