@@ -35,4 +35,5 @@ class BySimulator(Kinematics):
 
     def geometry_jacobian(self, q: Floats, poses: Poses) -> Floats:
         """(N, 6, p) derivative of the TCP's pose by the geometry's parameters."""
-        return Rods(self.geometry).geometry_jacobian(q, VirtualPoses(poses.T, poses.R))
+        rods = Rods(self.geometry)
+        return rods.answer(q, VirtualPoses(poses.T, poses.R), rods.changed(q))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -67,11 +68,11 @@ def record(public: PublicSet, folder: Path, answers: Path) -> dict[str, Any]:
 def _paired(scored: Mapping[str, Scored], diagnosis: Mapping[str, Scored]) -> dict[str, Any]:
     """Geometric mean over cases of the ratio of two errors of prediction, with its bounds."""
     pairs = [(scored[name].error, diagnosis[name].error) for name in scored]
-    return geometric_mean([a / b for a, b in pairs if a is not None and b is not None]).to_json()
+    return asdict(geometric_mean([a / b for a, b in pairs if a is not None and b is not None]))
 
 
 def _figures(scored: Mapping[str, Scored]) -> dict[str, Any]:
-    return {name: rate.to_json() for name, rate in figures(scored.values()).items()}
+    return {name: asdict(rate) for name, rate in figures(scored.values()).items()}
 
 
 def main(folder: Path, answers: Path) -> None:

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import gtpin
-from gtpin.bench.blind.draw import drafts, measured
+from gtpin.bench.blind.draw import drafts, made
 from gtpin.bench.simulator import simulate_measured
 from gtpin.data import Dataset
 from gtpin.diagnosis.design import Observed
@@ -90,7 +90,7 @@ def test_lines_of_drives_do_not_explain_the_gross_errors_of_an_encoder(tmp_path:
     """A five-bar without effects, its drives scattering more than is declared: 31 periods once fitted 8 of 9 gross errors."""
     draft = list(drafts(6, 5123, str(FIVE_BAR), ("encoder",)))[5]
     assert draft.kind == "rough"
-    case = measured(draft)
+    case = made(draft)
     assert not case.effects
     case.write_dataset(tmp_path)
     dataset = Dataset.read(tmp_path)

@@ -8,7 +8,7 @@ import pytest
 import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.build import known_robot
-from gtpin.bench.simulator.causes.kinds import CATALOGUE, UNLISTED, kind, possible
+from gtpin.bench.simulator.causes.kinds import kind, listed, unlisted
 from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.recipe import SimulatedConditions
 from gtpin.bench.simulator.rod_machine import RodMachine
@@ -35,7 +35,7 @@ def plant_of(name: str) -> Response:
 def test_each_effect_that_a_machine_can_have_moves_its_poses_and_leaves_it_closed(name: str) -> None:
     plant, robot = plant_of(name), known_robot(name)
     active = []
-    for k in possible((*CATALOGUE, *UNLISTED), robot):
+    for k in (*listed(robot), *unlisted(robot)):
         site = k.sites(robot)[-1]
         cause = k.at(robot, site, np.random.default_rng(1))
         size = np.sqrt((plant.displacement([(cause, 1.0)]) ** 2).sum(axis=1).mean())
@@ -53,7 +53,7 @@ def test_guideways_err_only_where_there_are_any(name: str) -> None:
     carried = {rod.carrier for rod in robot.rods}
     sliding = [s for i, s in enumerate(robot.sites) if i in carried and not robot.revolute[i]]
     levers = any(sum(rod.carrier == robot.sites.index(site) for rod in robot.rods) > 1 for site in sliding)
-    names = {k.name for k in possible(CATALOGUE, robot)}
+    names = {k.name for k in listed(robot)}
     assert GUIDES - names == (set() if levers else {"cart_rotation"} if sliding else GUIDES)
     assert list(kind("straightness", robot).sites(robot)) == sliding
     assert kind("linearity", robot).sites(robot) == robot.sites
@@ -86,11 +86,11 @@ def test_drives_press_where_the_principle_of_virtual_work_says(name: str) -> Non
     plant = plant_of(name)
     now, machine = plant.ideal, plant.machine
     push = np.random.default_rng(3).standard_normal((len(now), 6)) * [100, 100, 100, 10, 10, 10]
-    motion = machine.kinematics.command_jacobian(now.q, now.poses)
+    motion = machine.command_jacobian(now.q, now.poses)
     forces = now.held(push)
     for cart in range(machine.n_carts):
         mine = machine.driver == cart
-        work = np.einsum("ni,ni->n", push, motion[:, :, cart]) / machine.kinematics.scale[mine][0]
+        work = np.einsum("ni,ni->n", push, motion[:, :, cart]) / machine.scale[mine][0]
         if machine.robot.revolute[cart]:
             lever = now.ends.C[:, mine] - machine.robot.actuators[cart].origin
             arm = np.linalg.norm(np.cross(machine.tracks[cart], lever), axis=2).mean(axis=1)

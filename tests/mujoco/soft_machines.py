@@ -61,7 +61,7 @@ class Day:
 
     @cached_property
     def rigid(self) -> gtpin.Poses:
-        return self.machine.kinematics.predict(self.visits.q)
+        return self.machine.predict(self.visits.q)
 
     def by_plant(self, springs: Springs, rods_weigh: bool = False) -> gtpin.Poses:
         plant = Response(self.machine, self.visits, np.zeros(3))

@@ -64,9 +64,9 @@ class SpringMachine:
         data.mocap_pos[:] = centre + q[:, None] * machine.tracks
         pose = np.concatenate([T, Rotation.from_matrix(R).as_quat(scalar_first=True)])
         data.qpos[self.floats : self.floats + 7] = pose
-        seats = machine.kinematics.C0 + q[machine.driver, None] * machine.tracks[machine.driver]
+        seats = machine.C0 + q[machine.driver, None] * machine.tracks[machine.driver]
         for i, seat in enumerate(seats):
-            x, y, z = self.frames[i].inv().apply(_towards(R.T @ (seat - T) - machine.kinematics.P[i]))
+            x, y, z = self.frames[i].inv().apply(_towards(R.T @ (seat - T) - machine.P[i]))
             data.qpos[self.rods[i] : self.rods[i] + 2] = np.arctan2(-y, z), np.arcsin(x)
         data.xfrc_applied[self.load, :3] = force
         for _ in range(PATIENCE):
@@ -107,8 +107,8 @@ def _xml(machine: RodMachine, springs: Springs) -> str:
     # A plate of some extent: at rest its moments of inertia don't matter.
     out.append(f'<inertial pos="{_text(machine.plate_center)}" mass="{machine.plate_mass!r}" diaginertia="1 1 1"/>')
     out.append('<body name="payload"><inertial pos="0 0 0" mass="1e-9" diaginertia="1e-9 1e-9 1e-9"/></body>')
-    for i, P in enumerate(machine.kinematics.P):
-        L, mass = float(machine.kinematics.L0[i]), float(machine.rod_masses[i])
+    for i, P in enumerate(machine.P):
+        L, mass = float(machine.L0[i]), float(machine.rod_masses[i])
         half = f'mass="{mass / 2.0!r}" diaginertia="0.2 0.2 0.01"'
         stretch = _spring(f"stretch{i}", "slide", np.array([0.0, 0.0, 1.0]), springs.links[i])
         quat = frames[i].as_quat(scalar_first=True)
@@ -123,9 +123,9 @@ def _xml(machine: RodMachine, springs: Springs) -> str:
 
 def _rod_frames(machine: RodMachine) -> list[Rotation]:
     """Rotations that turn z into the rods' directions at home, TCP frame."""
-    home = machine.kinematics.home
-    seats = machine.kinematics.ends(machine.robot.home_q[None]).C[0]
-    own = (seats - home.T[0]) @ home.R[0] - machine.kinematics.P
+    home = machine.home
+    seats = machine.ends(machine.robot.home_q[None]).C[0]
+    own = (seats - home.T[0]) @ home.R[0] - machine.P
     return [Rotation.align_vectors([_towards(u)], [[0.0, 0.0, 1.0]])[0] for u in own]
 
 
@@ -135,7 +135,7 @@ def _towards(vector: Array) -> Array:
 
 def _centre(machine: RodMachine, cart: int) -> Array:
     """(3,) mean of a cart's joints with all commands zero, base frame, m."""
-    return machine.kinematics.C0[machine.driver == cart].mean(axis=0)
+    return machine.C0[machine.driver == cart].mean(axis=0)
 
 
 def _spring(name: str, kind: str, axis: Array, compliance: float) -> str:

@@ -118,9 +118,20 @@ def make(draft: Draft, folder: Path) -> MadeCase:
     place = folder / CASES / draft.name
     place.mkdir(parents=True, exist_ok=True)
     case, truth = written(draft, place)
-    if isinstance(case, InstrumentCase):
-        _write_what_is_read(case, place)
-    _take_robot_in(Path(draft.robot), place)
+    # For an instrument that reads anywhere, the held-out commands, with what it reads at each: stations or targets are those of
+    # the dataset in turn, in alphabetical order, as in the truth.
+    for name in case.held if isinstance(case, InstrumentCase) else ():
+        held = dict(read_table(place / "commands.csv").columns)
+        own = read_table(place / f"{name}.csv", ids=KNOWN).columns
+        for column in (column for column in KNOWN if column in own):
+            ids = np.array(sorted(set(own[column].tolist())), dtype=object)
+            held[column] = ids[np.arange(len(held["pose"])) % len(ids)]
+        write_table(place / f"commands-{name}.csv", held)
+    if (urdf := Path(draft.robot)).suffix == ".urdf":  # it is copied into the dataset's folder, and named there
+        (place / ROBOT).write_bytes(urdf.read_bytes())
+        lines = (place / "dataset.toml").read_text(encoding="utf-8").splitlines()
+        named = [f'robot = "{ROBOT}"' if line.startswith("robot = ") else line for line in lines]
+        (place / "dataset.toml").write_text("\n".join(named) + "\n", encoding="utf-8")
     for file in place.glob("*.csv"):
         round_table(file)
     (place / MARKER).unlink(missing_ok=True)  # it describes the files as they were before rounding
@@ -151,30 +162,6 @@ def changed_truths(public: PublicSet, folder: Path, names: Collection[str]) -> I
 def digest_of_folder(folder: Path) -> str:
     """SHA-256 of all files of a dataset, with their names."""
     return digest_of_files(files_of(folder))
-
-
-def _write_what_is_read(case: InstrumentCase, place: Path) -> None:
-    """For an instrument that reads anywhere, write ``commands-NAME.csv``: the held-out commands, with what it reads at each.
-
-    Stations or targets are those of the dataset in turn, in alphabetical order, as in the truth.
-    """
-    for name in case.held:
-        held = dict(read_table(place / "commands.csv").columns)
-        own = read_table(place / f"{name}.csv", ids=KNOWN).columns
-        for column in (column for column in KNOWN if column in own):
-            ids = np.array(sorted(set(own[column].tolist())), dtype=object)
-            held[column] = ids[np.arange(len(held["pose"])) % len(ids)]
-        write_table(place / f"commands-{name}.csv", held)
-
-
-def _take_robot_in(robot: Path, place: Path) -> None:
-    """Copy a URDF into the dataset's folder, and name it there."""
-    if robot.suffix == ".urdf":
-        (place / ROBOT).write_bytes(robot.read_bytes())
-        toml = place / "dataset.toml"
-        lines = toml.read_text(encoding="utf-8").splitlines()
-        named = [f'robot = "{ROBOT}"' if line.startswith("robot = ") else line for line in lines]
-        toml.write_text("\n".join(named) + "\n", encoding="utf-8")
 
 
 def _published(truth: Truth) -> Truth:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -139,19 +139,17 @@ def to_json(scored: dict[str, Scored]) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "cases": len(scored),
-        "figures": [{"figure": name, **found.to_json()} for name, found in figures(scored.values()).items()],
-        "by_case": {name: _of_case(case) for name, case in scored.items()},
-    }
-
-
-def _of_case(case: Scored) -> dict[str, Any]:
-    found = case.judged
-    return {
-        "kind": found.kind,
-        "truth": sorted(found.names),
-        "verdict": found.verdict or None,
-        "named": list(found.said.names) if found.said else [],
-        "strict": found.strict,
-        "in_class": found.in_class,
-        "error": case.error,
+        "figures": [{"figure": name, **asdict(found)} for name, found in figures(scored.values()).items()],
+        "by_case": {
+            name: {
+                "kind": case.judged.kind,
+                "truth": sorted(case.judged.names),
+                "verdict": case.judged.verdict or None,
+                "named": list(case.judged.said.names) if case.judged.said else [],
+                "strict": case.judged.strict,
+                "in_class": case.judged.in_class,
+                "error": case.error,
+            }
+            for name, case in scored.items()
+        },
     }

@@ -14,10 +14,11 @@ from gtpin.bench.simulator.case import bulk_recipe, drawn_recipe
 from gtpin.bench.simulator.causes.kinds import listed as listed_kinds
 from gtpin.bench.simulator.causes.kinds import unlisted as unlisted_kinds
 from gtpin.bench.simulator.instruments.build import build_measured
+from gtpin.bench.simulator.instruments.gauge import Gauge
 from gtpin.bench.simulator.instruments.touch import TOUCHED
 from gtpin.bench.simulator.noncentrality import Past
 from gtpin.bench.simulator.recipe import Recipe, SimulatedNoise
-from gtpin.bench.simulator.truth import Case, EffectTruth, InstrumentCase
+from gtpin.bench.simulator.truth import Case, InstrumentCase
 from gtpin.data.files import write_table
 from gtpin.data.table import Column
 from gtpin.typing import Floats, Ints
@@ -51,36 +52,29 @@ def without_some_touches(case: InstrumentCase) -> tuple[InstrumentCase, tuple[Le
     if case.recipe is None or case.true.joints or not any(gauge.touches for gauge in case.gauges):
         return case, ()
     data = case.dataset
-    found, gauges, tables, every = [], [], [], []
+    found, gauges, tables, every = [], list[Gauge](), [], []
     for gauge, read in zip(case.gauges, data.read, strict=True):
         kept = np.ones(len(gauge.stop), dtype=bool)
         if gauge.touches:
             rng = np.random.default_rng(np.random.SeedSequence([case.recipe.seed, 9, *gauge.name.encode()]))
             kept[rng.permutation(len(kept))[: len(kept) // ONE_IN]] = False
-            out = gauge.kept(~kept)
+            out = gauge.take(~kept)
             values = out.readings(case.steady[out.stop], out.truth)
             found.append(LeftOutTouches(gauge.name, data.table(read.take(~kept)), values, out.sigma))
-        gauges.append(gauge.kept(kept))
+        gauges.append(gauge.take(kept))
         tables.append(read.take(kept))
         every.append(kept)
     effects = tuple(replace(effect, displacement=effect.displacement[np.concatenate(every)]) for effect in case.effects)
     fewer = replace(case, gauges=tuple(gauges), dataset=replace(data, read=tuple(tables)), effects=effects)
-    return replace(fewer, effects=_measured_again(fewer)), tuple(found)
-
-
-def _measured_again(case: InstrumentCase) -> tuple[EffectTruth, ...]:
-    """The effects of a case with E computed as by the simulator, for the rows that the case has; the largest E first."""
-    used, rows = stops(case), np.concatenate([gauge.stop for gauge in case.gauges])
-    gauges = [replace(gauge, stop=np.searchsorted(used, gauge.stop)) for gauge in case.gauges]
-    poses = case.true[used]
-    by_tolerance = case.machine.by_tolerance(case.dataset.q[used], poses)
-    past = Past.of_readings(gauges, poses, by_tolerance, jitter(case)[used])
-    found = []
-    for effect in case.effects:
-        at_stops = np.zeros((len(case.dataset.q), 6))
+    used, rows = stops(fewer), np.concatenate([gauge.stop for gauge in gauges])
+    here = [replace(gauge, stop=np.searchsorted(used, gauge.stop)) for gauge in gauges]
+    by_tolerance = case.machine.by_tolerance(data.q[used], case.true[used])
+    past, again = Past.of_readings(here, case.true[used], by_tolerance, jitter(fewer)[used]), []
+    for effect in effects:
+        at_stops = np.zeros((len(data.q), 6))
         at_stops[rows] = effect.displacement
-        found.append(replace(effect, noncentrality=past.noncentrality(at_stops[used])))
-    return tuple(sorted(found, key=lambda effect: -effect.noncentrality))
+        again.append(replace(effect, noncentrality=past.noncentrality(at_stops[used])))
+    return replace(fewer, effects=tuple(sorted(again, key=lambda effect: -effect.noncentrality))), tuple(found)
 
 
 def jitter(case: InstrumentCase) -> Floats:
@@ -171,16 +165,6 @@ def drafts(
         yield Draft(f"case{number:05d}", kind, int(own.integers(2**31)), named, poses, robot, instruments)
 
 
-def made(draft: Draft) -> Case:
-    """Make a case by the simulator, measured by a tracker."""
-    return build(recipe(draft))
-
-
-def measured(draft: Draft) -> InstrumentCase:
-    """Make a case by the simulator, measured by the draft's instruments."""
-    return build_measured(recipe(draft), draft.instruments)
-
-
 def recipe(draft: Draft) -> Recipe:
     """The recipe of a case. Where only touching instruments measure, touches are added for those that
     :func:`~gtpin.bench.blind.draw.without_some_touches` leaves out.
@@ -196,14 +180,16 @@ def recipe(draft: Draft) -> Recipe:
     return found
 
 
+def made(draft: Draft) -> Case | InstrumentCase:
+    """Make a case by the simulator, measured by the draft's instruments, or by a tracker."""
+    return build_measured(recipe(draft), draft.instruments) if draft.instruments else build(recipe(draft))
+
+
 def written(draft: Draft, place: Path) -> tuple[Case | InstrumentCase, Truth]:
     """Make a case and write its dataset, its commands and the touches that are left out to a folder."""
-    left_out: tuple[LeftOutTouches, ...] = ()
-    case: Case | InstrumentCase
-    if draft.instruments:
-        case, left_out = without_some_touches(measured(draft))
-    else:
-        case = made(draft)
+    case, left_out = made(draft), tuple[LeftOutTouches, ...]()
+    if isinstance(case, InstrumentCase):
+        case, left_out = without_some_touches(case)
     case.write_dataset(place)
     for touches in left_out:
         touches.write(place)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gtpin.bench.blind.difficulty import Best, Difficulty, true_parameters
+from gtpin.bench.blind.difficulty import Difficulty, true_parameters
 from gtpin.bench.blind.judged import Judged, Shrunk, Statement
-from gtpin.bench.blind.truth import SealError, TruePoses, Truth, opened
+from gtpin.bench.blind.truth import SealError, Truth, opened
 from gtpin.bench.blind.worker import Outcome
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.result import Calibration
@@ -35,10 +35,6 @@ def rms_of_readings(dataset: Dataset, truth: Truth, predicted: Mapping[str, list
             error -= 2.0 * np.pi * np.round(error / (2.0 * np.pi))
         errors.append((error / np.array(true.sigma)).ravel())
     return float(np.sqrt((np.concatenate(errors) ** 2).mean()))
-
-
-Left = Mapping[str, Best]
-"""Energy of a true effect that every effect of the catalogue leaves, by ``effect@site``."""
 
 
 @in_one_thread
@@ -96,7 +92,8 @@ def _measured(found: Judged, truth: Truth, dataset: Dataset, folder: Path, outco
     }
     if gradable(dataset, truth):
         difficulty = difficulty_of(dataset, truth, calibrate(dataset))
-        lefts: list[Left] = [difficulty.left(np.array(effect.displacement)) for effect in truth.effects]
+        # Energy of each true effect that every effect of the catalogue leaves, by ``effect@site``.
+        lefts = [difficulty.left(np.array(effect.displacement)) for effect in truth.effects]
         # The wrong effect that leaves the least energy of each effect, and its D.
         pairs = list(zip(found.truth, lefts, strict=True))
         rivals = [min((n for n in left if n != effect.name), key=lambda n: left[n].left) for effect, left in pairs]
@@ -127,22 +124,18 @@ def _shrunk(folder: Path, dataset: Dataset, truth: Truth, outcome: Outcome) -> S
     """Errors of positions, or of all readings in units of their noise, at held-out commands, where known and predicted."""
     before, after, true = outcome.baseline, outcome.model, truth.poses
     if before is not None and after is not None and true is not None:
-        T = _true_positions(Commands.read(folder / "commands.csv", dataset.n_actuators), true)
+        commands = Commands.read(folder / "commands.csv", dataset.n_actuators)
+        place = {pose: i for i, pose in enumerate(true.pose)}
+        if len(place) != len(commands) or not all(pose in place for pose in commands.pose):
+            what = "true poses and commands are not of the same poses"
+            raise GtpinError(what, file=commands.file, hint="correct the truth")
+        T = true.T[[place[pose] for pose in commands.pose]]
         return Shrunk(before=_rms(np.array(before) - T), after=_rms(np.array(after) - T))
     if truth.readings and outcome.model_readings:
         both = (outcome.baseline_readings, outcome.model_readings)
         before_rms, after_rms = (rms_of_readings(dataset, truth, predicted) for predicted in both)
         return Shrunk(before=before_rms, after=after_rms)
     return None
-
-
-def _true_positions(commands: Commands, poses: TruePoses) -> Floats:
-    """(H, 3) true positions in the order of the commands. Raises GtpinError if the poses are not the same."""
-    place = {pose: i for i, pose in enumerate(poses.pose)}
-    if len(place) != len(commands) or not all(pose in place for pose in commands.pose):
-        what = "true poses and commands are not of the same poses"
-        raise GtpinError(what, file=commands.file, hint="correct the truth")
-    return poses.T[[place[pose] for pose in commands.pose]]
 
 
 def _rms(errors: Floats) -> float:
@@ -162,14 +155,9 @@ def gradable(dataset: Dataset, truth: Truth) -> bool:
     return {one.name for one in truth.noise} == {t.name for t in tables} and not any(t.measured_joints for t in tables)
 
 
-def noise_of(truth: Truth) -> dict[str, Floats]:
-    """(M, c) noise of each instrument's readings, by name."""
-    return {one.name: np.array(one.sigma) for one in truth.noise}
-
-
 def difficulty_of(dataset: Dataset, truth: Truth, baseline: Calibration) -> Difficulty:
     """The :class:`Difficulty` of a gradable case, from its calibration."""
-    noise = noise_of(truth)
+    noise = {one.name: np.array(one.sigma) for one in truth.noise}  # (M, c) of each instrument's readings
     if dataset.readings.names:
         return Difficulty.of_readings(dataset, noise, baseline)
     if truth.sigma is not None:

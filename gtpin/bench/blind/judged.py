@@ -42,10 +42,6 @@ class Statement(BaseModel, frozen=True):
         """The classes of all causes together."""
         return frozenset(name for cause in self.causes for name in (cause.name, *cause.members))
 
-    def confident(self) -> tuple[str, ...]:
-        """Causes that are named with a probability of 0.95 or more."""
-        return tuple(cause.name for cause in self.causes if cause.probability >= CONFIDENT)
-
     @staticmethod
     def of(diagnosis: Mapping[str, Any]) -> Statement:
         """Read the content of ``diagnosis.json``."""
@@ -175,7 +171,8 @@ class Judged(BaseModel, frozen=True):
     @property
     def false_confident(self) -> tuple[str, ...]:
         """Causes named with a probability of 0.95 or more that are not true."""
-        return tuple(n for n in self.said.confident() if n not in self.names) if self.said else ()
+        named = ((cause.name, cause.probability) for cause in (self.said.causes if self.said else ()))
+        return tuple(name for name, probability in named if probability >= CONFIDENT and name not in self.names)
 
     @property
     def overstated(self) -> float | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import BaseModel
@@ -40,19 +39,6 @@ ROBOT = "robot.urdf"
 """Name of a dataset's own URDF once it is in the dataset's folder."""
 
 
-@dataclass(frozen=True)
-class Given:
-    """A case that somebody else made: the folder of its dataset, and its truth."""
-
-    folder: Path
-    truth: Truth
-
-    @property
-    def name(self) -> str:
-        """The case's name."""
-        return self.folder.name
-
-
 class _TruthFile(BaseModel, frozen=True):
     """The content of ``NAME.truth.json``; all keys but ``effects`` are there only if gtpin wrote it."""
 
@@ -63,8 +49,8 @@ class _TruthFile(BaseModel, frozen=True):
     noise: tuple[TrueNoise, ...] = ()
 
 
-def given(folder: Path) -> list[Given]:
-    """Find all cases in a folder, ``NAME/`` and ``NAME.truth.json``, in the order of their names.
+def given(folder: Path) -> dict[Path, Truth]:
+    """The truths of all cases in a folder, ``NAME.truth.json``, by the folders ``NAME/`` of their datasets, ordered by name.
 
     Raises GtpinError if there are no cases, a dataset has no truth, a truth has no dataset, or a truth can't be read.
     """
@@ -82,15 +68,14 @@ def given(folder: Path) -> list[Given]:
         file = folder / (f"{name}{TRUTH}" if name in datasets else name)
         hint = "each case is a folder NAME/ and a file NAME.truth.json next to it"
         raise GtpinError("is missing", file=file, hint=hint)
-    return [Given(folder / name, _truth(folder, name)) for name in sorted(truths)]
-
-
-def _truth(folder: Path, name: str) -> Truth:
-    file = folder / f"{name}{TRUTH}"
-    content = read_json(file, _TruthFile, 'write {"effects": [{"effect": ID, "site": SITE}, ...]}')
-    _check(file, content, folder / name)
-    kind = content.kind or kind_of([effect.effect for effect in content.effects])
-    return Truth(**{**dict(content), "kind": kind}, poses=_poses(folder, name))
+    found = {}
+    for name in sorted(truths):
+        file = folder / f"{name}{TRUTH}"
+        content = read_json(file, _TruthFile, 'write {"effects": [{"effect": ID, "site": SITE}, ...]}')
+        _check(file, content, folder / name)
+        kind = content.kind or kind_of([effect.effect for effect in content.effects])
+        found[folder / name] = Truth(**{**dict(content), "kind": kind}, poses=_poses(folder, name))
+    return found
 
 
 def _check(file: Path, content: _TruthFile, dataset: Path) -> None:
@@ -157,22 +142,23 @@ def _poses(folder: Path, name: str) -> TruePoses | None:
     )
 
 
-def source_digest(cases: list[Given]) -> str:
+def source_digest(cases: Mapping[Path, Truth]) -> str:
     """SHA-256 of all datasets and truths, by name."""
-    files = ((f"{case.name}/{name}", content) for case in cases for name, content in files_of(case.folder).items())
-    truths = {f"{case.name}/truth": case.truth.model_dump_json().encode() for case in cases}
-    return digest_of_files(dict(files) | truths)
+    files = {f"{place.name}/{name}": content for place in cases for name, content in files_of(place).items()}
+    return digest_of_files(
+        files | {f"{at.name}/truth": truth.model_dump_json().encode() for at, truth in cases.items()}
+    )
 
 
-def take_in(case: Given, place: Path) -> None:
+def take_in(dataset: Path, place: Path) -> None:
     """Copy a dataset, with the URDF that it names."""
     with writing(place):
         place.mkdir(parents=True, exist_ok=True)
-        for name, content in files_of(case.folder).items():
+        for name, content in files_of(dataset).items():
             (place / name).write_bytes(content)
         try:
-            said, instruments = _described(case.folder / "dataset.toml")
-            urdf = _path_of(case.folder, said.robot)
+            said, instruments = _described(dataset / "dataset.toml")
+            urdf = _path_of(dataset, said.robot)
             if urdf is not None:
                 of_two = urdf.suffix.lower() == SUFFIX  # a URDF and its loops in another file
                 (place / ROBOT).write_bytes(RobotDescription.read(urdf).xml.encode() if of_two else read_bytes(urdf))

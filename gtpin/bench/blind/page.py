@@ -27,23 +27,20 @@ def failure(case: Judged) -> str | None:
     if case.kind == "none" or not case.truth:
         return f"false alarm: {case.said.verdict}" if case.detected else None
     if not case.listed:
-        return _unlisted(case)
+        reasons = [f"{name} named instead" for name in case.false_names]
+        if case.said.verdict != "unknown":
+            leaves = case.truth[0].leaves
+            known = case.rival if leaves is None else f"{leaves:.0f} ({case.rival})"
+            reasons.append(
+                f"not recognised as unknown; known effects leave {known}" if case.rival else "not recognised"
+            )
+        return "; ".join(reasons) or None
     if case.kind in ("rough", "power"):
         wrong = case.detected and case.testable and not case.in_class and bool(case.said.causes)
         return "the class does not contain the truth" if wrong else None
     if case.strict:
         return None
     return _single(case) if len(case.truth) == 1 else _several(case)
-
-
-def _unlisted(case: Judged) -> str | None:
-    assert case.said is not None
-    reasons = [f"{name} named instead" for name in case.false_names]
-    if case.said.verdict != "unknown":
-        leaves = case.truth[0].leaves
-        known = case.rival if leaves is None else f"{leaves:.0f} ({case.rival})"
-        reasons.append(f"not recognised as unknown; known effects leave {known}" if case.rival else "not recognised")
-    return "; ".join(reasons) or None
 
 
 def _single(case: Judged) -> str:

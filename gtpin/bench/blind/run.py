@@ -104,11 +104,11 @@ def check_given(
     with claimed(folder, settings, force):
         if not folder.published:
             watch.begin("sealing", len(cases), 0)
-            for case in cases:
-                take_in(case, folder.case(case.name))
-                seal(case.truth, folder.case(case.name), folder.sealed(case.name))
+            for place, truth in cases.items():
+                take_in(place, folder.case(place.name))
+                seal(truth, folder.case(place.name), folder.sealed(place.name))
                 watch.one_more()
-            write_manifest(folder.manifest, folder.digests(case.name for case in cases), None)
+            write_manifest(folder.manifest, folder.digests(place.name for place in cases), None)
         return _diagnosed_and_judged(folder, settings, watch, address)
 
 

@@ -28,10 +28,6 @@ class Rate:
     high: float | None
     of: int
 
-    def to_json(self) -> dict[str, Any]:
-        """``value``, ``low``, ``high``, ``of``."""
-        return asdict(self)
-
 
 def rate(hits: Iterable[bool]) -> Rate:
     """Fraction of hits with Wilson's bounds (Wilson 1927, J. Am. Stat. Assoc. 22, 209)."""
@@ -104,17 +100,9 @@ def coverage(cases: Iterable[Judged]) -> Rate:
     )
 
 
-@dataclass(frozen=True)
-class Tenth:
-    """Causes whose probability lies in one tenth: its lower edge, the mean probability, the fraction correct."""
-
-    start: float
-    predicted: float
-    right: Rate
-
-
-def tenths(cases: Iterable[Judged], members: bool = False) -> list[Tenth]:
-    """The reliability of the named causes, or of all members of their classes; empty tenths are omitted."""
+def tenths(cases: Iterable[Judged], members: bool = False) -> list[tuple[float, float, Rate]]:
+    """The reliability of the named causes, or of all members of their classes, by tenths of the probability: lower edge, mean
+    probability, and the fraction correct; empty tenths are omitted."""
     found: list[list[tuple[float, bool]]] = [[] for _ in range(TENTHS)]
     for case in cases:
         for cause in case.said.causes if case.said and case.kind else ():
@@ -122,7 +110,7 @@ def tenths(cases: Iterable[Judged], members: bool = False) -> list[Tenth]:
             for name, probability in probabilities.items():
                 found[min(int(probability * TENTHS), TENTHS - 1)].append((probability, name in case.names))
     return [
-        Tenth(i / TENTHS, sum(p for p, _ in some) / len(some), rate(right for _, right in some))
+        (i / TENTHS, sum(p for p, _ in some) / len(some), rate(right for _, right in some))
         for i, some in enumerate(found)
         if some
     ]
@@ -172,7 +160,7 @@ class Figure:
     def to_json(self) -> dict[str, Any]:
         """As in ``score.json``."""
         target = {"least": self.least, "most": self.most, "reached": self.reached}
-        return {"figure": self.name, **self.rate.to_json(), **target}
+        return {"figure": self.name, **asdict(self.rate), **target}
 
 
 def figures(cases: Sequence[Judged]) -> list[Figure]:
@@ -187,7 +175,8 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
     right = "cause and site right, nothing else named, D > 63"
     confident = rate(not c.error and not c.false_confident for c in weak)
     covered = (abs(value - true) <= 1.96 * sigma for c in cases for _, value, sigma, true in c.parameters)
-    off = [abs(t.predicted - t.right.value) for t in tenths(cases) if t.right.of >= 30 and t.right.value is not None]
+    reliable = [(said, right.value) for _, said, right in tenths(cases) if right.of >= 30]
+    off = [abs(said - right) for said, right in reliable if right is not None]
     farthest = Rate(max(off, default=None), None, None, len(off))
     # A member of the class that does not fit the true effect.
     others = ((c.left, c.said.members - c.names if c.said else ()) for c in seen)
@@ -290,10 +279,10 @@ def score(cases: Sequence[Judged], about: Mapping[str, Any] | None = None) -> di
         "figures": [figure.to_json() for figure in figures(cases)],
         "confusion": confusion(one),
         "reliability": {
-            name: [{"start": t.start, "said": t.predicted, "right": t.right.to_json()} for t in tenths(cases, members)]
+            name: [{"start": a, "said": said, "right": asdict(right)} for a, said, right in tenths(cases, members)]
             for name, members in (("causes", False), ("members", True))
         },
-        "power": [asdict(found) for found in power(cases, POSES)],
+        "power": power(cases, POSES),
         "check": dict(about or {}),
         "failures": [c.name for c in cases if c.error is not None],
     }
@@ -353,7 +342,7 @@ def by_instrument(cases: Sequence[Judged]) -> dict[str, dict[str, Any]]:
             "shrinkage_error": absolute_error(some),
         }
         counts = {"cases": len(some), **not_visible(some)}
-        found[name] = {**counts, **{key: value.to_json() for key, value in rates.items()}}
+        found[name] = {**counts, **{key: asdict(value) for key, value in rates.items()}}
     return found
 
 
@@ -367,23 +356,11 @@ def confusion(one: Sequence[Judged]) -> dict[str, dict[str, int]]:
     return {effect: dict(sorted(found[effect].items())) for effect in sorted(found)}
 
 
-@dataclass(frozen=True)
-class Found:
-    """Fraction of effects that is detected, for a number of poses and a bin of E from ``start`` to ``end``.
+def power(cases: Sequence[Judged], numbers: Sequence[int]) -> list[dict[str, Any]]:
+    """Power curves of the cases of kind `power`, by number of ``poses`` and bin of E from ``start`` to ``end``.
 
-    ``energy`` is the geometric mean of E in the bin, and ``limit`` the fraction that a matched filter detects.
+    ``energy`` is the geometric mean of E in the bin, ``found`` the rate of detection, and ``limit`` that of a matched filter.
     """
-
-    poses: int
-    start: float
-    end: float
-    energy: float
-    found: Rate
-    limit: float
-
-
-def power(cases: Sequence[Judged], numbers: Sequence[int]) -> list[Found]:
-    """Power curves of the cases of kind `power`, by number of poses and energy."""
     rows = []
     for number in numbers:
         for start, end in pairwise(EDGES):
@@ -391,7 +368,9 @@ def power(cases: Sequence[Judged], numbers: Sequence[int]) -> list[Found]:
             if some:
                 limit = float(np.mean([matched_filter(c.noncentrality) for c in some]))
                 middle = float(np.exp(np.mean([np.log(c.noncentrality) for c in some])))
-                rows.append(Found(number, start, end, middle, rate(c.detected for c in some), limit))
+                found = asdict(rate(c.detected for c in some))
+                edges = {"poses": number, "start": start, "end": end}
+                rows.append({**edges, "energy": middle, "found": found, "limit": limit})
     return rows
 
 

@@ -11,10 +11,9 @@ import numpy as np
 import typer
 
 from gtpin.bench.simulator.case import simulate_scenario
-from gtpin.bench.simulator.truth import Case, truth_names
+from gtpin.bench.simulator.truth import truth_names
 from gtpin.commands.terminal import AsJson, Force, Seed, output_option, progress_of, rendered, tell
 from gtpin.diagnosis.diagnose import diagnose
-from gtpin.diagnosis.result import Diagnosis
 from gtpin.model.model_folder import read_model
 from gtpin.model.predict import predict
 from gtpin.output.results import results_folder
@@ -34,12 +33,8 @@ class DemoRobot(StrEnum):
         """The scenario file."""
         return Path(__file__).with_name("scenarios") / f"{self}.toml"
 
-    @property
-    def spoken(self) -> str:
-        """The robot's name for users."""
-        return {DemoRobot.GANTRY_TAU: "Gantry-Tau", DemoRobot.UR5: "UR5"}[self]
 
-
+SPOKEN = {DemoRobot.GANTRY_TAU: "Gantry-Tau", DemoRobot.UR5: "UR5"}
 FILES = ("dataset", *truth_names("dataset"), "calibration", *DIAGNOSIS)
 
 
@@ -66,11 +61,18 @@ def demo(
             shown = DiagnosisPresentation(found)
             result = shown.write(folder)
             CalibrationPresentation(replace(found.baseline, dataset=case.dataset)).write(folder / "calibration")
-        held_out = _held_out(case, found)
+        models = {
+            "nominal": read_model(case.dataset.robot),
+            "calibrated": found.baseline.model,
+            "diagnosed": found.model,
+        }
+        # Root mean square length of each model's true position error on the poses that were never measured, m.
+        left = {name: predict(model, case.commands).T - case.truth.T for name, model in models.items()}
+        held_out = {name: float(np.sqrt((off**2).sum(axis=1).mean())) for name, off in left.items()}
     has = ", ".join(f"{truth.effect} at {truth.site}" for truth in case.effects)
     errors = " -> ".join(f"{length(error)} {name}" for name, error in held_out.items())
     text = rendered(
-        f"A virtual {robot.spoken}, {len(case.dataset)} measured poses. The diagnosis, from the measurements alone:\n",
+        f"A virtual {SPOKEN[robot]}, {len(case.dataset)} measured poses. The diagnosis, from the measurements alone:\n",
         shown.terminal(output),
         f"\nWhat was hidden (dataset.truth.json): the machine has {has}.",
         f"True position error on {len(case.commands)} poses that were never measured, RMS: {errors}.",
@@ -79,10 +81,3 @@ def demo(
     )
     truths = {"effects": [{"effect": truth.effect, "site": truth.site} for truth in case.effects], "true_rms": held_out}
     tell(result | {"truth": truths}, text, as_json)
-
-
-def _held_out(case: Case, found: Diagnosis) -> dict[str, float]:
-    """Root mean square length of each model's true position error on the poses that were never measured, m."""
-    models = {"nominal": read_model(case.dataset.robot), "calibrated": found.baseline.model, "diagnosed": found.model}
-    left = {name: predict(model, case.commands).T - case.truth.T for name, model in models.items()}
-    return {name: float(np.sqrt((off**2).sum(axis=1).mean())) for name, off in left.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -81,8 +81,16 @@ def simulate(
         if not place.name:  # the files with the truth get names made from it
             raise GtpinError("there is no place for the truth next to it", file=output, hint="name another folder")
         with case_folders(place, force=force) as (folder, truth_folder):
-            case = _case(instrument, scenario, robot, poses, seed, tcp)
-            measured = replace(case, dataset=replace(case.dataset, robot=seen_from(case.dataset.robot, output)))
+            case: AnyCase
+            if scenario is None:
+                name, options = robot or ROBOT, {"poses": poses or POSES, "seed": seed or SEED}
+                case = simulate_measured(load_robot(name, tcp), name, instrument or (), tcp=tcp, **options)
+            elif instrument:
+                case = build_measured(scenario_recipe(scenario, seed=seed, poses=poses, robot=robot), instrument)
+            else:
+                case = simulate_scenario(scenario, seed=seed, poses=poses, robot=robot)
+            dataset: Any = case.dataset
+            measured = replace(case, dataset=replace(dataset, robot=seen_from(dataset.robot, output)))
             measured.write_dataset(folder)
             measured.write_truth(truth_folder, place.name)
             if truth:
@@ -95,24 +103,6 @@ def simulate(
     result = {"dataset": str(output), "robot": name, "rows": rows, "seed": seed}
     what = "readings" if instrument else "measured poses"
     tell(result, f"{rows} {what} of a virtual {name}. Written: {output}{also}", as_json)
-
-
-def _case(
-    instruments: list[str] | None,
-    scenario: Path | None,
-    robot: str | None,
-    poses: int | None,
-    seed: int | None,
-    tcp: str | None,
-) -> AnyCase:
-    """A scenario's machine, or one without effects, measured by a tracker or by instruments."""
-    if scenario is None:
-        name, given = robot or ROBOT, instruments or ()
-        found = load_robot(name, tcp)
-        return simulate_measured(found, name, given, poses=poses or POSES, seed=seed or SEED, tcp=tcp)
-    if instruments:
-        return build_measured(scenario_recipe(scenario, seed=seed, poses=poses, robot=robot), instruments)
-    return simulate_scenario(scenario, seed=seed, poses=poses, robot=robot)
 
 
 def _write_truth(commands: Commands, T: Floats, R: Floats, folder: Path) -> None:

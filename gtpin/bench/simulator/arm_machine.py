@@ -10,10 +10,9 @@ from types import MappingProxyType
 import numpy as np
 
 from gtpin.bench.simulator.arm import Arm
-from gtpin.bench.simulator.loops import Loops
 from gtpin.bench.simulator.machine import MASS_SPREAD, REACH, Deviation, collected, rounded, well_conditioned
 from gtpin.bench.simulator.poses import AXES, VirtualPoses
-from gtpin.bench.simulator.tree import STRAIGHT, Bending, Placed, TreeFrame, TreeJoint, moved, placed
+from gtpin.bench.simulator.tree import STRAIGHT, Bending, Placed, TreeFrame, moved, placed
 from gtpin.errors import UnreachableError
 from gtpin.typing import Floats, Mask
 
@@ -66,7 +65,7 @@ class ArmMachine:
         displacement of ``anchor[END]``, of which the first three count.
         """
         twists = np.array([off.get(name, np.zeros(6)) for name in robot.placements])
-        ends = [off.get(f"anchor[{name}]", np.zeros(6))[:3] for name in robot.loops.ends]
+        ends = [off.get(f"anchor[{name}]", np.zeros(6))[:3] for name in robot.ends]
         return ArmMachine(
             robot=robot,
             twists=twists[:-1],
@@ -104,12 +103,12 @@ class ArmMachine:
 
     @property
     def readable(self) -> tuple[str, ...]:
-        return tuple(self.joints[j].name for j in self.robot.loops.passive[:1])
+        return tuple(self.true.joints[j].name for j in self.robot.passive[:1])
 
     @property
     def parameters(self) -> dict[str, float]:
         values = dict(zip(self.robot.placements, [*self.twists, self.tool], strict=True))
-        values |= {f"anchor[{name}]": end for name, end in zip(self.robot.loops.ends, self.ends, strict=True)}
+        values |= {f"anchor[{name}]": end for name, end in zip(self.robot.ends, self.ends, strict=True)}
         return {f"{name}.{AXES[i]}": float(x) for name, row in values.items() for i, x in enumerate(row)}
 
     def usual_load(self, cart: int) -> float:
@@ -129,30 +128,20 @@ class ArmMachine:
     # -------------------------------------------------------------------------------------------------- motion
 
     @cached_property
-    def joints(self) -> tuple[TreeJoint, ...]:
-        """The joints with their true placements."""
-        found = list(self.robot.joints)
-        for twist, j in zip(self.twists, self.robot.placed, strict=True):
-            found[j] = found[j].moved(twist)
-        return tuple(found)
-
-    @cached_property
-    def loops(self) -> Loops:
-        """Its loops, with the true placements of the joints and of the points at which the loops close."""
-        loops = self.robot.loops
-        points = [end for pair in loops.pairs for end in pair]
-        there = [replace(end, p=end.p + R @ d) for end, R, d in zip(points, loops.axes, self.ends, strict=True)]
-        return replace(loops, joints=self.joints, pairs=tuple(zip(there[::2], there[1::2], strict=True)))
-
-    @cached_property
-    def tcp(self) -> TreeFrame:
-        """The true TCP frame."""
-        return TreeFrame(self.robot.tcp.joint, *moved(self.robot.tcp.R, self.robot.tcp.p, self.tool))
+    def true(self) -> Arm:
+        """The robot with the true placements of the joints, of the TCP, and of the points at which the loops close."""
+        robot, joints = self.robot, list(self.robot.joints)
+        for twist, j in zip(self.twists, robot.placed, strict=True):
+            joints[j] = moved(joints[j], twist)
+        points = (end for pair in robot.pairs for end in pair)
+        there = [replace(end, p=end.p + R @ d) for end, R, d in zip(points, robot.axes, self.ends, strict=True)]
+        pairs = tuple(zip(there[::2], there[1::2], strict=True))
+        return replace(robot, joints=tuple(joints), tcp=moved(robot.tcp, self.tool), pairs=pairs)
 
     @cached_property
     def seen(self) -> TreeFrame:
         """The frame of the measured target."""
-        tcp = self.tcp
+        tcp = self.true.tcp
         return TreeFrame(tcp.joint, tcp.R @ self.target.R, tcp.p + tcp.R @ self.target.p)
 
     def bodies(
@@ -171,34 +160,34 @@ class ArmMachine:
                 axis = deviation.seat if axis is None else axis + deviation.seat
             bending = Bending(axis, self._on_all(deviation.tip), self._ends)
             driven = q + deviation.travel
-        if not self.loops.pairs:
+        if not self.robot.pairs:
             # Joints without a command mimic another one, or are at zero.
-            x = np.zeros((len(q), len(self.joints)))
+            x = np.zeros((len(q), len(self.true.joints)))
             x[:, list(self.robot.counted)] = driven
-            for j, joint in enumerate(self.joints):
+            for j, joint in enumerate(self.true.joints):
                 if joint.follows is not None:
                     leader, factor, offset = joint.follows
                     x[:, j] = factor * x[:, leader] + offset
-            return placed(self.joints, x, bending), bending
-        x = self.loops.led(q) if near is None else near.x
+            return placed(self.true.joints, x, bending), bending
+        x = self.true.led(q) if near is None else near.x
         if deviation is None:
-            return placed(self.joints, x if near is None else self.loops.closed(x, q)), bending
-        closed = self.loops.closed(x, driven, bending)
+            return placed(self.true.joints, x if near is None else self.true.closed(x, q)), bending
+        closed = self.true.closed(x, driven, bending)
         if np.isnan(closed[~np.isnan(x).any(axis=1)]).any():
             raise UnreachableError("the deviations open the loops", hint="make the effects smaller")
-        return placed(self.joints, closed, bending), bending
+        return placed(self.true.joints, closed, bending), bending
 
     @cached_property
     def _ends(self) -> Floats | None:
         """(J, 3) ends of the bodies, own frames, m: what is fixed to them moves with them; None on an open chain."""
-        count = range(len(self.joints))
-        return np.array([self.robot.next_frame(j).p for j in count]) if self.loops.pairs else None
+        count = range(len(self.true.joints))
+        return np.array([self.robot.next_frame(j).p for j in count]) if self.robot.pairs else None
 
     def _on_all(self, counted: Floats) -> Floats | None:
         """(N, J, 6) changes at all joints, from those (N, n, 6) at the commanded ones; None without any."""
         if not counted.any():
             return None
-        whole = np.zeros((len(counted), len(self.joints), 6))
+        whole = np.zeros((len(counted), len(self.true.joints), 6))
         whole[:, list(self.robot.counted)] = counted
         return whole
 
@@ -209,11 +198,11 @@ class ArmMachine:
 
     def coordinates_of(self, bodies: Placed, read: tuple[str, ...]) -> dict[str, Floats]:
         """(N,) coordinates of some joints, rad or m, by name."""
-        names = [joint.name for joint in self.joints]
+        names = [joint.name for joint in self.true.joints]
         return {name: bodies.x[:, names.index(name)] for name in read}
 
     def unbent(self, visits: int) -> Deviation:
-        return Deviation.none(visits, self.n_carts, joints=len(self.joints))
+        return Deviation.none(visits, self.n_carts, joints=len(self.true.joints))
 
     def jitter(self, sigmas: Floats, visits: int, rng: np.random.Generator) -> Deviation:
         deviation = self.unbent(visits)
@@ -268,9 +257,9 @@ class ArmMachine:
         ended, free = np.isfinite(robot.upper - robot.lower), np.where(robot.slides, 0.5, np.pi)
         lower, upper = np.where(ended, robot.lower, -np.pi), np.where(ended, robot.upper, np.pi)
         middle = (lower + upper) / 2.0
-        if robot.loops.pairs:
+        if robot.pairs:
             wide = np.where(ended, (upper - lower) / 2.0, free)
-            return np.where(ended, middle, robot.loops.home_q), SHARE * wide
+            return np.where(ended, middle, robot.home_q), SHARE * wide
         half = RANGE * np.where(ended, upper - middle, free)
         return middle, np.where(robot.slides, half, np.minimum(half, WIDEST))
 
@@ -284,8 +273,8 @@ class ArmMachine:
         def drawn() -> Floats:
             return np.asarray(middle + half * rng.uniform(-1.0, 1.0, (count, self.n_carts)))
 
-        if self.loops.pairs:
-            return well_conditioned(self, self.robot.name, self.robot.loops.home_q, drawn, count)
+        if self.robot.pairs:
+            return well_conditioned(self, self.robot.name, self.robot.home_q, drawn, count)
         last = np.zeros((0, self.n_carts))
 
         def in_front() -> Floats:
@@ -300,7 +289,7 @@ class ArmMachine:
         """(N,) whether the TCP is in front of the base and above the floor, and the arm neither folded nor stretched out."""
         robot = self.robot
         bodies = self.bodies(q)[0]
-        tcp = bodies.at(self.tcp).T
+        tcp = bodies.at(self.true.tcp).T
         whole = sum(robot.length(j) for j in robot.way) if robot.way else 1.0  # stretched out
         up = -robot.gravity / (float(np.linalg.norm(robot.gravity)) or 1.0)
         heights = np.column_stack([bodies.p[:, j] @ up for j in robot.way[1:]] + [tcp @ up])

@@ -40,11 +40,6 @@ def known_robot(robot: str) -> Chain | Arm:
     return found if found.rods else Arm.of(found)
 
 
-def capacity(robot: Chain | Arm) -> float:
-    """Payload that a robot may carry, kg; 20 kg for a robot with rods."""
-    return robot.capacity if isinstance(robot, Arm) else 20.0
-
-
 def drawn_machine(robot: Chain | Arm, rng: np.random.Generator) -> RodMachine | ArmMachine:
     """A machine of a robot, drawn from its tolerances."""
     return ArmMachine.draw(robot, rng) if isinstance(robot, Arm) else RodMachine.draw(robot, rng)

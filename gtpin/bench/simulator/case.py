@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
 from gtpin.bench.simulator.arm import Arm
-from gtpin.bench.simulator.build import build, capacity, known_robot
+from gtpin.bench.simulator.build import build, known_robot
 from gtpin.bench.simulator.causes.kinds import kind, listed, unlisted
 from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions, SimulatedNoise, Wanted
 from gtpin.bench.simulator.truth import Case, EffectTruth
@@ -32,9 +32,19 @@ POSES = (140, 280)
 """Range from which the number of poses is drawn."""
 
 
-def noncentralities(robot: Chain | Arm) -> tuple[float, float]:
-    """Range from which the energy of an effect on a robot is drawn."""
-    return ENERGY_OF_ARMS if isinstance(robot, Arm) else ENERGY
+def _drawn(
+    rng: np.random.Generator,
+    robot: Chain | Arm,
+    effects: Sequence[tuple[str, str | None]],
+    span: tuple[float, float] | None = None,
+) -> tuple[list[Wanted], SimulatedConditions]:
+    """Effects with the sites and energies that are not given, and conditions under which they show."""
+    span, wanted = span or (ENERGY_OF_ARMS if isinstance(robot, Arm) else ENERGY), []
+    for name, site in effects:
+        place = site or str(rng.choice(kind(name, robot).sites(robot)))
+        wanted.append(Wanted(name, place, noncentrality=float(np.exp(rng.uniform(*np.log(span))))))
+    needs = {need for name, _ in effects for need in kind(name, robot).needs}
+    return wanted, SimulatedConditions.draw(rng, needs, robot.capacity if isinstance(robot, Arm) else 20.0)
 
 
 @renamed_argument("energy", "noncentrality")
@@ -91,19 +101,10 @@ def drawn_recipe(
     found = known_robot(robot)
     kinds = [one for one in (unlisted(found) if unknown else listed(found)) if not one.newer]
     if effects is None:
-        chosen = [kinds[i] for i in rng.choice(len(kinds), size=n_effects, replace=False)] if n_effects else []
-        effects = [(k.name, None) for k in chosen]
-    span = noncentralities(found) if noncentrality is None else noncentrality
-    span = (span, span) if isinstance(span, int | float) else span
-    wanted = []
-    for name, site in effects:
-        sites = kind(name, found).sites(found)
-        if not sites:
-            raise GtpinError(f"{name} can't be on {found.name}", hint="choose what the robot's parts can have")
-        place = site or str(rng.choice(sites))
-        wanted.append(Wanted(name, place, noncentrality=float(np.exp(rng.uniform(*np.log(span))))))
-    needs = {need for name, _ in effects for need in kind(name, found).needs}
-    drawn = SimulatedConditions.draw(rng, needs, capacity(found))
+        chosen = rng.choice(len(kinds), size=n_effects, replace=False).tolist() if n_effects else []
+        effects = [(kinds[i].name, None) for i in chosen]
+    span = (noncentrality, noncentrality) if isinstance(noncentrality, int | float) else noncentrality
+    wanted, drawn = _drawn(rng, found, effects, span)
     measured = conditions or drawn
     count = int(rng.integers(POSES[0], POSES[1] + 1))
     return Recipe(
@@ -137,20 +138,17 @@ def bulk_recipe(seed: int, *, rough: bool = False, poses: int | None = None, rob
     noise: SimulatedNoise | None = None
     without: tuple[str, ...] = ()
     if rough:
-        noise, without = _rough_noise(rng), LACKING[int(rng.integers(len(LACKING)))]
+        noise = SimulatedNoise(
+            declared=bool(rng.random() < 0.5),
+            by_range=float(rng.choice([0.0, 0.5])),
+            tails=float(rng.uniform(3.0, 6.0)) if rng.random() < 0.5 else None,
+            gross=float(rng.choice([0.0, 0.01, 0.03])),
+            orientations=bool(rng.random() < 0.85),
+        )
+        without = LACKING[int(rng.integers(len(LACKING)))]
         poses = poses or int(rng.integers(70, 201))
     unknown = what == "unknown"
     return drawn_recipe(seed, n_effects=number, unknown=unknown, poses=poses, noise=noise, without=without, robot=robot)
-
-
-def _rough_noise(rng: np.random.Generator) -> SimulatedNoise:
-    return SimulatedNoise(
-        declared=bool(rng.random() < 0.5),
-        by_range=float(rng.choice([0.0, 0.5])),
-        tails=float(rng.uniform(3.0, 6.0)) if rng.random() < 0.5 else None,
-        gross=float(rng.choice([0.0, 0.01, 0.03])),
-        orientations=bool(rng.random() < 0.85),
-    )
 
 
 class ScenarioEffect(BaseModel, frozen=True, extra="forbid"):
@@ -206,12 +204,10 @@ def scenario_recipe(
     seed = scenario.seed if seed is None else seed
     rng = np.random.default_rng(np.random.SeedSequence([seed, 4]))
     reference = robot or scenario.robot
-    known, wanted = known_robot(reference), []
+    known, effects = known_robot(reference), []
     for number, effect in enumerate(scenario.effect):
         try:
             sites = kind(effect.id, known).sites(known)
-            if not sites:
-                raise GtpinError(f"{effect.id} can't be on {reference}", hint="choose what the robot's parts can have")
             if effect.periods and not kind(effect.id, known).periodic:
                 raise GtpinError(f"{effect.id} on {reference} has no periods that can be given", hint="leave them out")
             site = effect.site and site_called(effect.site, sites)
@@ -219,11 +215,12 @@ def scenario_recipe(
                 raise GtpinError(f"{effect.id} can't be at {effect.site!r}", hint=f"use {', '.join(sites)}")
         except GtpinError as error:
             raise GtpinError(error.what, file=file, column=f"effect.{number}", hint=error.hint) from None
-        site = site or str(rng.choice(sites))
-        drawn = float(np.exp(rng.uniform(*np.log(noncentralities(known)))))
-        noncentrality = effect.energy or (drawn if effect.amplitude is None else None)
-        wanted.append(Wanted(effect.id, site, noncentrality, effect.amplitude, effect.periods))
-    needs = {need for effect in scenario.effect for need in kind(effect.id, known).needs}
+        effects.append((effect.id, site))
+    wanted, conditions = _drawn(rng, known, effects)
+    for number, effect in enumerate(scenario.effect):
+        drawn = wanted[number]
+        energy = effect.energy or (drawn.noncentrality if effect.amplitude is None else None)
+        wanted[number] = Wanted(drawn.effect, drawn.site, energy, effect.amplitude, effect.periods)
     given = scenario.covariates.model_dump(include=scenario.covariates.model_fields_set)
     return Recipe(
         tuple(wanted),
@@ -232,7 +229,7 @@ def scenario_recipe(
         poses=scenario.poses if poses is None else poses,
         held_out=scenario.held_out,
         noise=scenario.noise,
-        conditions=SimulatedConditions.draw(rng, needs, capacity(known)).model_copy(update=given),
+        conditions=conditions.model_copy(update=given),
         background=scenario.background,
     )
 

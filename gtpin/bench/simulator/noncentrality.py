@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -52,6 +52,11 @@ class Response:
     def there(self) -> VirtualPoses:
         """(N) poses of this machine without effects, base frame, with the coordinates of the joints ``read``."""
         return self.ideal.seen(self.read)
+
+    def at(self, q: Floats) -> Response:
+        """The response at other commands q (N, n); the last moves start elsewhere too, so that they keep their directions."""
+        visits = self.visits
+        return replace(self, visits=replace(visits, q=q, before=visits.before + (q - visits.q)))
 
     def by_command(self) -> Floats:
         """(N, 6 + k, n) derivative by commands of these poses, position and rotation vector, and of the k joints."""

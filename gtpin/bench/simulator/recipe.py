@@ -26,31 +26,19 @@ Micro = Annotated[float, Field(ge=0.0, le=1e-3)]
 class SimulatedConditions(BaseModel, frozen=True, extra="forbid"):
     """Measurement conditions of a machine.
 
-    Parameters
-    ----------
-    rest
-        Share of the poses at which the machine stands still; it passes the others in motion.
-    sessions
-        Number of sessions. With two or more there is a column ``session``.
-    payloads
-        Payloads, kg, in ``payload_blocks`` blocks of time.
-    push
-        Standard deviation per axis, N, of forces on the tool. They act at half of the visits, drawn at random. Above 0 there
-        are columns ``fx fy fz``.
-    interval
-        Mean time between visits, s.
-    direct
-        Share of the visits that are reached directly from the one before; the others through a point at some centimetres, so
-        that each actuator approaches from a random side.
-    order
-        ``random``, or ``layers``: by the mean of the actuators' places in their ranges, in layers, and within a layer by the
-        difference of the first two commands. The second visits follow after all first ones.
-    warming
-        Factor on the drawn changes of temperature.
-    reference_temperature
-        Temperature of everything when the day starts, degC.
-    without
-        Columns (or beginnings of their names, such as ``temp``) that the files lack.
+    - ``rest``: share of the poses at which the machine stands still; it passes the others in motion.
+    - ``sessions``: number of sessions. With two or more there is a column ``session``.
+    - ``payloads``: payloads, kg, in ``payload_blocks`` blocks of time.
+    - ``push``: standard deviation per axis, N, of forces on the tool. They act at half of the visits, drawn at random. Above 0
+      there are columns ``fx fy fz``.
+    - ``interval``: mean time between visits, s.
+    - ``direct``: share of the visits that are reached directly from the one before; the others through a point at some
+      centimetres, so that each actuator approaches from a random side.
+    - ``order``: ``random``, or ``layers``: by the mean of the actuators' places in their ranges, in layers, and within a layer
+      by the difference of the first two commands. The second visits follow after all first ones.
+    - ``warming``: factor on the drawn changes of temperature.
+    - ``reference_temperature``: temperature of everything when the day starts, degC.
+    - ``without``: columns (or beginnings of their names, such as ``temp``) that the files lack.
     """
 
     rest: Share = 0.5

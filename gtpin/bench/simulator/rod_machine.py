@@ -15,7 +15,7 @@ from gtpin.bench.simulator.universal import Universal
 from gtpin.errors import RobotError, UnreachableError
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
-from gtpin.typing import Floats, Ints, Mask
+from gtpin.typing import Floats, Mask
 
 ACROSS = 0.3
 """Repeatability across a track, as a share of that along it."""
@@ -30,7 +30,7 @@ PARALLEL = 0.99
 
 
 @dataclass(frozen=True)
-class RodMachine:
+class RodMachine(Rods):
     """A robot on six rods as it was really built, as :class:`~gtpin.bench.simulator.machine.Machine`.
 
     A cart here moves along a track, or is an arm about an axis, or the foot of a leg, which does not move when the leg's length
@@ -39,7 +39,6 @@ class RodMachine:
     Raises `RobotError` if the robot does not have six rods, has a rod without a drive, or a drive without a rod.
     """
 
-    geometry: Geometry  # Its true geometry
     plate_mass: float  # Of the platform, kg
     plate_center: Floats  # (3,) the platform's centre of mass, TCP frame, m
     rod_masses: Floats  # (k,) kg; the centre of mass of a rod of fixed length is at its middle
@@ -65,15 +64,6 @@ class RodMachine:
         return Rods(Geometry.nominal(self.robot))
 
     @property
-    def robot(self) -> Chain:
-        return self.geometry.robot
-
-    @cached_property
-    def kinematics(self) -> Rods:
-        """The kinematics of the true geometry, without any effect."""
-        return Rods(self.geometry)
-
-    @property
     def n_carts(self) -> int:
         return self.robot.n_actuators
 
@@ -90,11 +80,6 @@ class RodMachine:
         return dict(zip(self.geometry.names, self.geometry.deviation.tolist(), strict=True))
 
     @cached_property
-    def driver(self) -> Ints:
-        """(k,) the cart of each rod; -1 where nothing moves it."""
-        return self.kinematics.driver
-
-    @cached_property
     def is_leg(self) -> Mask:
         """(n,) whether the drive changes a leg's length."""
         return np.array([any(rod.extension == c for rod in self.robot.rods) for c in range(self.n_carts)])
@@ -107,7 +92,7 @@ class RodMachine:
     @cached_property
     def tracks(self) -> Floats:
         """(n, 3) unit directions of the tracks, of the arms' axes, and of the legs at the URDF's zero, base frame."""
-        along = [self.kinematics.v[self.driver == c][0] for c in range(self.n_carts)]
+        along = [self.v[self.driver == c][0] for c in range(self.n_carts)]
         return np.where(self.is_leg[:, None], [actuator.axis for actuator in self.robot.actuators], along)
 
     @cached_property
@@ -118,7 +103,7 @@ class RodMachine:
     @cached_property
     def levers(self) -> Floats:
         """(k, 3) vectors from the mean of a cart's joints to each of them, with all commands zero, base frame, m."""
-        C0 = self.kinematics.C0
+        C0 = self.C0
         means = np.array([C0[self.driver == c].mean(axis=0) for c in range(self.n_carts)])
         return np.asarray(C0 - means[self.driver])
 
@@ -135,7 +120,23 @@ class RodMachine:
     @cached_property
     def leg_masses(self) -> Floats:
         """(k, 2) a rod's centre of mass from the platform at command zero, m; the share of its mass that a leg moves."""
-        return np.array([_centre_and_sliding(self.robot, i) for i in range(len(self.robot.rods))])
+        robot, found = self.robot, []
+        for i, rod in enumerate(robot.rods):
+            if rod.extension is None:
+                found.append((rod.L / 2.0, 0.0))
+                continue
+            moment = sliding = 0.0
+            placement = pin.SE3.Identity()
+            for joint in _bodies(robot, i):
+                if joint != rod.joint_id:
+                    placement = placement * robot.model.jointPlacements[joint]
+                inertia = robot.model.inertias[joint]
+                moment += inertia.mass * float(np.linalg.norm(placement.act(inertia.lever)))
+                if joint >= robot.actuators[rod.extension].joint_id:
+                    sliding += inertia.mass
+            mass = _rod_mass(robot, i)
+            found.append((moment / mass, sliding / mass))
+        return np.array(found)
 
     def unbent(self, visits: int) -> Deviation:
         return Deviation.none(visits, self.n_carts, len(self.robot.rods))
@@ -154,28 +155,25 @@ class RodMachine:
 
     # ---------------------------------------------------------------------------------------------------- poses
 
-    def predict(self, q: Floats) -> VirtualPoses:
-        return self.kinematics.predict(q)
-
     def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
-        J = self.kinematics.command_jacobian(q, poses)
-        return self._with_joint(J, q, poses, self.kinematics.commanded(q)) if poses.joints else J
+        return self._answer(q, poses, self.commanded(q))
 
     def by_tolerance(self, q: Floats, poses: VirtualPoses) -> Floats:
-        J = self.kinematics.geometry_jacobian(q, poses)
-        J = self._with_joint(J, q, poses, self.kinematics.changed(q)) if poses.joints else J
-        return np.asarray(J * self.geometry.tolerance)
+        return np.asarray(self._answer(q, poses, self.changed(q)) * self.geometry.tolerance)
 
-    def _with_joint(
-        self, J: Floats, q: Floats, poses: VirtualPoses, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]]
-    ) -> Floats:
-        own = self.universal.by_motion(poses, self.kinematics.ends(q), J, moved)
-        return np.concatenate([J, own], axis=1)
+    def _answer(self, q: Floats, poses: VirtualPoses, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]]) -> Floats:
+        """As :meth:`~gtpin.bench.simulator.rods.Rods.answer`, followed by the joint that is read, where there is one."""
+        J = self.answer(q, poses, moved)
+        if not poses.joints:
+            return J
+        return np.concatenate([J, self.universal.by_motion(poses, self.ends(q), J, moved)], axis=1)
 
-    def ends(self, q: Floats, deviation: Deviation) -> VirtualRodEnds:
-        """The rods' ends at commands q (N, n)."""
+    def ends(self, q: Floats, deviation: Deviation | None = None) -> VirtualRodEnds:
+        """The rods' ends at commands q (N, n); without a deviation those of the true geometry."""
+        if deviation is None:
+            return super().ends(q)
         arms = ~self.is_leg & ~self.slides
-        straight = self.kinematics.ends(q + deviation.travel * arms if arms.any() else q)
+        straight = super().ends(q + deviation.travel * arms if arms.any() else q)
         moved = deviation.shift + (deviation.travel * self.slides)[..., None] * self.tracks
         turned = np.asarray(exp(deviation.turn) - np.eye(3))[:, self.driver]
         swung = np.einsum("ncij,nj->nci", turned.transpose(1, 0, 2, 3), self.levers)
@@ -216,22 +214,21 @@ class RodMachine:
 
     def _in_box(self, count: int, rng: np.random.Generator) -> Floats:
         """(count, n) commands for random positions in home's orientation, which the machine nearly keeps; NaN out of reach."""
-        home = self.kinematics.home
-        size = float(self.kinematics.L0.mean())
+        home = self.home
+        size = float(self.L0.mean())
         T = home.T[0] + size * (np.array(CENTER) + np.array(BOX) * rng.uniform(-1.0, 1.0, (count, 3)))
-        q = self._carts(T[:, None, :] + self.kinematics.P @ home.R[0].T)
+        q = self._carts(T[:, None, :] + self.P @ home.R[0].T)
         return np.column_stack([q[:, self.driver == c].mean(axis=1) for c in range(self.n_carts)])
 
     def _turned(self, count: int, rng: np.random.Generator) -> Floats:
         """(count, 6) commands for random poses about the middle of the ranges; NaN out of reach."""
-        kinematics = self.kinematics
         middle, pose = self._middle
-        size = float(kinematics.ends(middle).L.mean())
+        size = float(self.ends(middle).L.mean())
         T = pose.T[0] + size * WIDE * rng.uniform(-1.0, 1.0, (count, 3))
         R = exp(TURNED * rng.uniform(-1.0, 1.0, (count, 3))) @ pose.R[0]
-        joints = T[:, None, :] + kinematics.P @ np.swapaxes(R, 1, 2)
-        legs = np.linalg.norm(joints - kinematics.C0, axis=2) - kinematics.L0
-        travel = np.where(self.is_leg[self.driver], legs, self._carts(joints)) / kinematics.scale
+        joints = T[:, None, :] + self.P @ np.swapaxes(R, 1, 2)
+        legs = np.linalg.norm(joints - self.C0, axis=2) - self.L0
+        travel = np.where(self.is_leg[self.driver], legs, self._carts(joints)) / self.scale
         q = np.empty_like(travel)
         q[:, self.driver] = travel
         return q
@@ -240,7 +237,7 @@ class RodMachine:
         """(count, n) random commands in the ranges; NaN where the machine is worse conditioned than ``CONDITIONED`` allows."""
         lower, upper = self.robot.ends
         q = rng.uniform(lower, upper, (count, self.n_carts))
-        q[gain(self.kinematics, q) > CONDITIONED * gain(self.kinematics, self._middle[0])] = np.nan
+        q[gain(self, q) > CONDITIONED * gain(self, self._middle[0])] = np.nan
         return q
 
     @cached_property
@@ -250,17 +247,16 @@ class RodMachine:
         middle = (robot.lower + robot.upper) / 2.0
         q = np.where(np.isfinite(middle), middle, robot.home_q)[None]
         pose = self.predict(q)
-        return (q, pose) if pose.reached.all() else (robot.home_q[None], self.kinematics.home)
+        return (q, pose) if pose.reached.all() else (robot.home_q[None], self.home)
 
     def _carts(self, joints: Floats) -> Floats:
         """(N, k) travel of each rod's cart, m, for the platform's joints (N, k, 3), base frame; NaN out of reach."""
-        kinematics = self.kinematics
         # |T + R P - C0 - q v|^2 = L^2, a quadratic in q; the carts stay on home's side of the platform.
-        a = joints - kinematics.C0
-        along = np.einsum("nki,ki->nk", a, kinematics.v)
+        a = joints - self.C0
+        along = np.einsum("nki,ki->nk", a, self.v)
         with np.errstate(invalid="ignore"):
-            root = np.sqrt(along**2 - np.einsum("nki,nki->nk", a, a) + kinematics.L0**2)
-        home_side = np.sign(np.einsum("ki,ki->k", kinematics.home.T[0] - kinematics.C0, kinematics.v))
+            root = np.sqrt(along**2 - np.einsum("nki,nki->nk", a, a) + self.L0**2)
+        home_side = np.sign(np.einsum("ki,ki->k", self.home.T[0] - self.C0, self.v))
         return np.asarray(along - home_side * root)
 
 
@@ -274,21 +270,3 @@ def _bodies(robot: Chain, rod: int) -> list[int]:
 
 def _rod_mass(robot: Chain, rod: int) -> float:
     return float(sum(robot.model.inertias[joint].mass for joint in _bodies(robot, rod)))
-
-
-def _centre_and_sliding(robot: Chain, rod: int) -> tuple[float, float]:
-    """See :attr:`RodMachine.leg_masses`."""
-    extension = robot.rods[rod].extension
-    if extension is None:
-        return robot.rods[rod].L / 2.0, 0.0
-    moment = sliding = 0.0
-    placement = pin.SE3.Identity()
-    for joint in _bodies(robot, rod):
-        if joint != robot.rods[rod].joint_id:
-            placement = placement * robot.model.jointPlacements[joint]
-        inertia = robot.model.inertias[joint]
-        moment += inertia.mass * float(np.linalg.norm(placement.act(inertia.lever)))
-        if joint >= robot.actuators[extension].joint_id:
-            sliding += inertia.mass
-    mass = _rod_mass(robot, rod)
-    return moment / mass, sliding / mass

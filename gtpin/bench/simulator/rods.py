@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.errors import UnreachableError
+from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats, Ints, Mask
 
@@ -132,34 +133,39 @@ NUDGE = 1e-5
 class Rods:
     """Kinematics of a platform on six rods, whose true ``geometry`` has the parameters that docs/glossary.md describes."""
 
-    geometry: Geometry
+    geometry: Geometry  # Its true geometry
+
+    @property
+    def robot(self) -> Chain:
+        """The nominal robot."""
+        return self.geometry.robot
 
     @cached_property
     def driver(self) -> Ints:
         """(k,) the actuator that moves a rod's joint on its carrier, or changes its length; -1 where none does."""
-        found = [rod.carrier if rod.carrier is not None else rod.extension for rod in self.geometry.robot.rods]
+        found = [rod.carrier if rod.carrier is not None else rod.extension for rod in self.robot.rods]
         return np.array([-1 if actuator is None else actuator for actuator in found])
 
     @cached_property
-    def is_leg(self) -> Mask:
+    def extends(self) -> Mask:
         """(k,) whether the actuator changes the rod's length."""
-        return np.array([rod.extension is not None for rod in self.geometry.robot.rods])
+        return np.array([rod.extension is not None for rod in self.robot.rods])
 
     @cached_property
     def P(self) -> Floats:
         """(k, 3) joints on the platform, TCP frame, m."""
-        return np.array([rod.P for rod in self.geometry.robot.rods]) + self._off("platform_joint", "xyz")
+        return np.array([rod.P for rod in self.robot.rods]) + self._off("platform_joint", "xyz")
 
     @cached_property
     def C0(self) -> Floats:
         """(k, 3) joints on the carriers with all commands zero, base frame, m."""
-        C = np.array([rod.C for rod in self.geometry.robot.rods])
+        C = np.array([rod.C for rod in self.robot.rods])
         return C + sum(self._off(f"{carrier}_joint", "xyz") for carrier in ("cart", "arm", "base"))
 
     @cached_property
     def L0(self) -> Floats:
         """(k,) lengths with all commands zero, m."""
-        return np.array([rod.L for rod in self.geometry.robot.rods]) + self._off("length")[:, 0]
+        return np.array([rod.L for rod in self.robot.rods]) + self._off("length")[:, 0]
 
     @cached_property
     def scale(self) -> Floats:
@@ -169,7 +175,7 @@ class Rods:
     @cached_property
     def v(self) -> Floats:
         """(k, 3) directions of the carriers' tracks or axes, unit vectors, base frame; zero where nothing moves them."""
-        robot, off = self.geometry.robot, self._off("track_direction", "ab") + self._off("arm_axis", "ab")
+        robot, off = self.robot, self._off("track_direction", "ab") + self._off("arm_axis", "ab")
         axes = [None if rod.carrier is None else robot.actuators[rod.carrier].axis for rod in robot.rods]
         vectors = [np.zeros(3) if axis is None else off[i] @ across(axis) for i, axis in enumerate(axes)]
         turns = exp(vectors)  # of all rods at once: derivatives by the geometry build many machines
@@ -177,7 +183,7 @@ class Rods:
 
     def _off(self, kind: str, components: str = "") -> Floats:
         """(k, c) deviations of each rod: its own, and those that it shares with all rods of its actuator."""
-        robot, ends = self.geometry.robot, [f".{c}" for c in components] or [""]
+        robot, ends = self.robot, [f".{c}" for c in components] or [""]
         # A set: a rod whose length an actuator changes can have the actuator's name.
         owners = [
             {rod.name} | ({robot.sites[d]} if d >= 0 else set()) for rod, d in zip(robot.rods, self.driver, strict=True)
@@ -187,24 +193,24 @@ class Rods:
     @cached_property
     def size(self) -> float:
         """Largest length or coordinate, m, which determines rounding errors."""
-        return max(self.geometry.robot.size, float(np.abs(self.C0).max()), float(self.L0.max()))
+        return max(self.robot.size, float(np.abs(self.C0).max()), float(self.L0.max()))
 
     # -------------------------------------------------------------------------------------------------- motion
 
     def ends(self, q: Floats) -> VirtualRodEnds:
         """The ends of the rods at commands q (N, n)."""
-        robot = self.geometry.robot
+        robot = self.robot
         travel = np.where(self.driver >= 0, q[:, self.driver], 0.0) * self.scale
-        C = self.C0 + (travel * ~self.is_leg)[..., None] * self.v
+        C = self.C0 + (travel * ~self.extends)[..., None] * self.v
         for i, rod in enumerate(robot.rods):
             if rod.carrier is not None and robot.actuators[rod.carrier].revolute:
                 origin = robot.actuators[rod.carrier].origin
                 C[:, i] = origin + exp(travel[:, i, None] * self.v[i]) @ (self.C0[i] - origin)
-        return VirtualRodEnds(self.P, C, self.L0 + travel * self.is_leg if self.is_leg.any() else self.L0[None])
+        return VirtualRodEnds(self.P, C, self.L0 + travel * self.extends if self.extends.any() else self.L0[None])
 
     def predict(self, q: Floats) -> VirtualPoses:
         """Poses at commands q (N, n), base frame, on the assembly mode of home; NaN where the rods can't be closed."""
-        q_home, home = self.geometry.robot.home_q, self.home
+        q_home, home = self.robot.home_q, self.home
         T, R = np.tile(home.T, (len(q), 1)), np.tile(home.R, (len(q), 1, 1))
         for first in range(0, len(q), CHUNK):
             some = slice(first, first + CHUNK)
@@ -219,7 +225,7 @@ class Rods:
     @cached_property
     def home(self) -> VirtualPoses:
         """(1) pose at the home commands, on the assembly mode of the home pose in the URDF."""
-        robot = self.geometry.robot
+        robot = self.robot
         nominal = Rods(Geometry(robot, (), np.zeros(0)))
         before, after = nominal.ends(robot.home_q[None]), self.ends(robot.home_q[None])
 
@@ -233,15 +239,11 @@ class Rods:
 
     def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
         """(N, 6, n) derivative of the pose by the commands: position and rotation vector, base frame."""
-        return self._answer(q, poses, self.commanded(q))
+        return self.answer(q, poses, self.commanded(q))
 
     def commanded(self, q: Floats) -> list[tuple[VirtualRodEnds, VirtualRodEnds]]:
         """The ends with each command larger, and smaller, by ``NUDGE``."""
         return [(self.ends(q + step), self.ends(q - step)) for step in NUDGE * np.eye(q.shape[1])]
-
-    def geometry_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
-        """(N, 6, p) derivative of the pose by the geometry's parameters: position and rotation vector, base frame."""
-        return self._answer(q, poses, self.changed(q))
 
     def changed(self, q: Floats) -> list[tuple[VirtualRodEnds, VirtualRodEnds]]:
         """The ends with each parameter of the geometry larger, and smaller, by ``NUDGE``."""
@@ -252,7 +254,7 @@ class Rods:
         values = self.geometry.values
         return [(ends(values + step), ends(values - step)) for step in NUDGE * np.eye(len(values))]
 
-    def _answer(self, q: Floats, poses: VirtualPoses, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]]) -> Floats:
+    def answer(self, q: Floats, poses: VirtualPoses, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]]) -> Floats:
         """(N, 6, m) derivative of the pose by m numbers, from pairs of ends ``moved`` by +-``NUDGE`` of each number."""
         # Gaps as half the differences of squared lengths: the same at closed poses, and published cases were made with them.
         opened = [(one.squares(poses) - other.squares(poses)) / (2.0 * NUDGE) for one, other in moved]
@@ -266,7 +268,7 @@ def _assembled(nominal: Rods, ends: VirtualRodEnds) -> VirtualPoses:
 
     Raises UnreachableError if there is none near it.
     """
-    robot = nominal.geometry.robot
+    robot = nominal.robot
     told = robot.description.home
     frame = robot.tcp_placement
     data = robot.model.createData()

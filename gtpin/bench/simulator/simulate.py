@@ -47,11 +47,16 @@ class TrueRobot:
                 off.setdefault(place, np.zeros(6))[AXES.index(axis)] = value
         return ArmMachine.of(Arm.of(robot), off)
 
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Deviations of the geometry's parameters from nominal, by name, m and rad."""
+        return dict(zip(self.geometry.names, self.geometry.deviation.tolist(), strict=True))
+
     def predict(self, q: Floats) -> VirtualPoses:
         """Poses at commands q (N, n), base frame; NaN out of reach."""
         chain = self.chain
         if isinstance(chain, ArmMachine):
-            return chain.predict(q, read=tuple(chain.joints[j].name for j in chain.loops.passive))
+            return chain.predict(q, read=tuple(chain.robot.joints[j].name for j in chain.robot.passive))
         poses = chain.predict(q)
         if not self.read:
             return poses
@@ -92,7 +97,7 @@ def draw_commands(machine: TrueRobot, count: int, rng: np.random.Generator) -> F
 
     Raises UnreachableError if hardly any commands can be reached.
     """
-    if isinstance(machine.chain, ArmMachine) and not machine.chain.loops.pairs:
+    if isinstance(machine.chain, ArmMachine) and not machine.chain.robot.pairs:
         return machine.chain.reachable(count, rng)
     robot = machine.geometry.robot
     lower, upper = robot.ends
@@ -142,13 +147,13 @@ def simulate(
     if poses < 1 or held_out < 1:
         raise GtpinError(f"{min(poses, held_out)} poses", hint="ask for at least one")
     instrument = instrument or InstrumentSection(position_sigma=1.5e-5, orientation_sigma=5e-5)
+    if instrument.position_sigma is None or instrument.orientation_sigma is None:
+        raise GtpinError("the instrument has no sigmas", hint="give position_sigma and orientation_sigma")
     rng = np.random.default_rng(seed)
     machine = draw_machine(robot, rng)
     q = draw_commands(machine, poses, rng)
     again = rng.choice(poses, size=int(REPEATED * poses), replace=False)
     visited = rng.permutation(np.concatenate([np.arange(poses), again]))
-    if instrument.position_sigma is None or instrument.orientation_sigma is None:
-        raise GtpinError("the instrument has no sigmas", hint="give position_sigma and orientation_sigma")
     true = machine.predict(q[visited])
     position = true.T + instrument.position_sigma * rng.standard_normal(true.T.shape)
     turn = Rotation.from_rotvec(instrument.orientation_sigma * rng.standard_normal(true.T.shape))

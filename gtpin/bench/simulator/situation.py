@@ -100,7 +100,7 @@ class RodSituation(Postures):
         return self.poses.with_joints({name: self.machine.universal.coordinate(self.poses, self.ends) for name in read})
 
     def grow(self, deviation: Deviation, link: int, growth: Floats) -> None:
-        deviation.length[:, link] = STEEL * self.machine.kinematics.L0[link] * growth
+        deviation.length[:, link] = STEEL * self.machine.L0[link] * growth
 
     @cached_property
     def _rods(self) -> tuple[Floats, Floats]:
@@ -130,7 +130,7 @@ class RodSituation(Postures):
             hanging: Floats | float = 0.5
             if machine.robot.rods[i].extension is not None:
                 (centre, sliding), length = machine.leg_masses[i], self.ends.L[:, i]
-                hanging = 1.0 - (centre + sliding * (length - machine.kinematics.L0[i])) / length
+                hanging = 1.0 - (centre + sliding * (length - machine.L0[i])) / length
             weight = np.multiply.outer(mass * hanging, gravity)
             wrench[:, :3] += weight
             wrench[:, 3:] += np.cross(self._rods[1][:, i], weight)
@@ -179,7 +179,7 @@ class ArmSituation(Postures):
     ) -> ArmSituation:
         """The postures with a deviation; ``near``: nearby postures to start from, where they are known."""
         bodies, bending = machine.bodies(visits.q, deviation, near)
-        tcp, target = bodies.at(machine.tcp, bending), machine.target
+        tcp, target = bodies.at(machine.true.tcp, bending), machine.target
         seen = VirtualPoses(tcp.T + tcp.R @ target.p, tcp.R @ target.R)
         return ArmSituation(machine, visits, seen, bodies, bending, tcp)
 
@@ -204,7 +204,7 @@ class ArmSituation(Postures):
     @property
     def looped(self) -> bool:
         """Whether the machine has loops."""
-        return bool(self.machine.loops.pairs)
+        return bool(self.machine.robot.pairs)
 
     # --------------------------------------------------------------------------------------------------- loads
 
@@ -212,9 +212,16 @@ class ArmSituation(Postures):
     def _loads(self) -> tuple[Floats, Floats]:
         """(N, J, 3) sums of the forces on everything that each joint carries, N, and of their moments about the base's origin,
         N m; base frame. In loops with the forces that hold the passive joints."""
-        force, moment = self._own()
+        machine, tool = self.machine, self.machine.robot.tcp.joint
+        force, moment = np.zeros_like(self.bodies.p), np.zeros_like(self.bodies.p)
+        for j, mass in enumerate(machine.masses):
+            force[:, j] = mass * machine.robot.gravity
+            moment[:, j] = np.cross(self._centre(j), force[:, j])
+        if tool >= 0:
+            force[:, tool] += self._on_tool
+            moment[:, tool] += np.cross(self.tcp.T, self._on_tool)
         if self.looped:
-            loops = self.machine.loops
+            loops = machine.true
             whole = self._carried(force.copy(), moment.copy())
             pushes = np.column_stack([self._along(j, *whole) for j in loops.passive])
             pulls, at = loops.pulls(self.bodies, self.bending, pushes)
@@ -226,18 +233,6 @@ class ArmSituation(Postures):
                         moment[:, end.joint] += sign * turning[:, i]
         return self._carried(force, moment)
 
-    def _own(self) -> tuple[Floats, Floats]:
-        """(N, J, 3) forces and moments on each body itself: its weight, and on the last one payload and force on the tool."""
-        machine, tool = self.machine, self.machine.robot.tcp.joint
-        force, moment = np.zeros_like(self.bodies.p), np.zeros_like(self.bodies.p)
-        for j in range(len(machine.joints)):
-            force[:, j] = machine.masses[j] * machine.robot.gravity
-            moment[:, j] = np.cross(self._centre(j), force[:, j])
-        if tool >= 0:
-            force[:, tool] += self._on_tool
-            moment[:, tool] += np.cross(self.tcp.T, self._on_tool)
-        return force, moment
-
     @property
     def _on_tool(self) -> Floats:
         return np.asarray(self.visits.payload[:, None] * self.machine.robot.gravity + self.visits.force)
@@ -248,8 +243,8 @@ class ArmSituation(Postures):
 
     def _carried(self, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
         """Forces and moments on each body and on all bodies that it carries, from those on the bodies themselves."""
-        for j in reversed(range(len(self.machine.joints))):
-            parent = self.machine.joints[j].parent
+        for j in reversed(range(len(self.machine.true.joints))):
+            parent = self.machine.true.joints[j].parent
             if parent >= 0:
                 force[:, parent] += force[:, j]
                 moment[:, parent] += moment[:, j]
@@ -257,7 +252,7 @@ class ArmSituation(Postures):
 
     def _along(self, joint: int, force: Floats, moment: Floats) -> Floats:
         """(N,) load of a joint along its coordinate, N m or N, from forces and moments about the base's origin."""
-        one, push = self.machine.joints[joint], force[:, joint]
+        one, push = self.machine.true.joints[joint], force[:, joint]
         if not one.slides:
             push = moment[:, joint] - np.cross(self.bodies.p[:, joint], push)
         return np.asarray(np.einsum("ni,ni->n", push, self.bodies.seats[:, joint] @ one.axis))
@@ -298,7 +293,7 @@ class ArmSituation(Postures):
 
     @property
     def _standing(self) -> list[int]:
-        return [j for j, joint in enumerate(self.machine.joints) if joint.parent < 0]
+        return [j for j, joint in enumerate(self.machine.true.joints) if joint.parent < 0]
 
     @property
     def leaning(self) -> Floats:
@@ -312,7 +307,7 @@ class ArmSituation(Postures):
     def tilted(self, angle: Floats, about: Floats) -> Deviation:
         """Deviation that rotates everything on the base by small angles (N,), rad, about a direction (3,), base frame: about
         the first joint's origin; with loops about the base's origin."""
-        deviation, joints = self.unbent(), self.machine.joints
+        deviation, joints = self.unbent(), self.machine.true.joints
         if not self.looped:
             seat = self.bodies.seats[:, self.machine.robot.counted[0]]
             deviation.axis[:, 0, 3:] = angle[:, None] * np.einsum("nji,j->ni", seat, about)

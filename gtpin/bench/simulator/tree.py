@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -33,11 +34,6 @@ class TreeJoint:
     follows: tuple[int, float, float] | None  # Joint i, factor a, offset b where it mimics one: x = a x_i + b
     mass: float  # Of the body, kg
     centre: Floats  # (3,) the body's centre of mass, own frame, m
-
-    def moved(self, twist: Floats) -> TreeJoint:
-        """The joint, displaced by the exponential of a twist (6,), own frame, m and rad."""
-        R, p = moved(self.R, self.p, twist)
-        return replace(self, R=R, p=p)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,14 +144,26 @@ def turn(rpy: npt.ArrayLike) -> Floats:
     return np.asarray(exp([0.0, 0.0, yaw]) @ exp([0.0, pitch, 0.0]) @ exp([roll, 0.0, 0.0]))
 
 
-def moved(R: Floats, p: Floats, twist: Floats) -> tuple[Floats, Floats]:
-    """A placement times the exponential of a twist (6,): translation, m, then rotation vector, rad, own frame."""
+Displaced = TypeVar("Displaced", TreeJoint, TreeFrame)
+
+
+def moved(frame: Displaced, twist: Floats) -> Displaced:
+    """A joint or a frame, displaced by the exponential of a twist (6,): translation, m, then rotation vector, rad."""
     v, w = twist[:3], twist[3:]
     angle, K = float(np.linalg.norm(w)), cross_matrix(w)
     second, third = 0.5 - angle**2 / 24.0, 1.0 / 6.0 - angle**2 / 120.0
     if angle > 1e-2:
         second, third = (1.0 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
-    return R @ exp(w), p + R @ (v + second * K @ v + third * K @ (K @ v))
+    return replace(frame, R=frame.R @ exp(w), p=frame.p + frame.R @ (v + second * K @ v + third * K @ (K @ v)))
+
+
+def way_from(joints: Sequence[TreeJoint], joint: int) -> list[int]:
+    """Indices of the joints from a joint to the base."""
+    found = []
+    while joint >= 0:
+        found.append(joint)
+        joint = joints[joint].parent
+    return found
 
 
 @dataclass(frozen=True, eq=False)

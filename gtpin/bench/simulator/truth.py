@@ -172,7 +172,6 @@ class InstrumentCase(AnyCase):
 
     - ``gauges``: the instruments, with the true values of their unknowns.
     - ``steady``: as ``true``, without errors by repeatability.
-    - ``geometry``: deviations of the geometry's parameters from nominal, by name, m and rad.
     - ``repeatability``: (n,) standard deviation of each actuator, m or rad.
     - ``held``: by instrument's name: (H, c) readings at the held-out commands without noise, for a tracker positions, and
       their sigmas; with ids in turn (:meth:`~gtpin.bench.simulator.instruments.gauge.Gauge.in_turn`).
@@ -181,7 +180,6 @@ class InstrumentCase(AnyCase):
     dataset: Tables
     gauges: tuple[Gauge, ...]
     steady: VirtualPoses
-    geometry: dict[str, float]
     repeatability: Floats
     held: dict[str, tuple[Floats, Floats]]
 
@@ -189,6 +187,12 @@ class InstrumentCase(AnyCase):
     def hidden(self) -> dict[str, float]:
         """True values of the instruments' unknowns, m or rad, by the names of the parameters."""
         return {one.name: float(one.value) for gauge in self.gauges for one in gauge.hidden if one.prior > 0.0}
+
+    @property
+    def geometry(self) -> dict[str, float]:
+        """Deviations of the geometry's parameters from nominal, by name, m and rad."""
+        found: dict[str, float] = self.machine.parameters
+        return found
 
     @property
     def more(self) -> dict[str, object]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtpin.bench.simulator.poses import VirtualPoses, exp
 from gtpin.bench.simulator.rods import NUDGE, VirtualRodEnds
-from gtpin.bench.simulator.tree import read_urdf
+from gtpin.bench.simulator.tree import read_urdf, way_from
 from gtpin.errors import RobotError
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
@@ -44,9 +44,7 @@ class Universal:
         loop = robot.description.loops[rod.loop]
         end = (loop.anchor1, loop.anchor2)[rod.rod_end]
         on = urdf.links[end.link]
-        way = [on.joint]
-        while urdf.joints[way[-1]].parent >= 0:
-            way.append(urdf.joints[way[-1]].parent)
+        way = way_from(urdf.joints, on.joint)
         driven = {actuator.joint for actuator in robot.actuators}
         free = [j for j in reversed(way) if urdf.joints[j].name not in driven]
         tcp = urdf.links[robot.tcp_frame]

@@ -153,9 +153,17 @@ def visited(
     gaps = rng.gamma(2.0, conditions.interval / 2.0, total)
     gaps[1:] += np.where(np.diff(session) > 0, rng.uniform(600.0, 5400.0, total - 1), 0.0)
     time = np.asarray(np.round(np.cumsum(gaps), 3), dtype=float)
-    before = _starts(q, conditions.direct, rng)
+    # The last moves start at the visit before, or at a point at a small distance to a random side.
+    before = np.vstack([q[:1], q[:-1]])
+    via = (rng.random(total) >= conditions.direct) | (np.abs(q - before).min(axis=1) < 1e-3)
+    side = rng.choice([-1.0, 1.0], q.shape)
+    before[via] = (q + side * rng.uniform(*BACK_OFF, q.shape))[via]
     moving = rng.random(total) >= conditions.rest
     way = (q - before) / np.abs(q - before).max(axis=1, keepdims=True) * moving[:, None]
+    # Payloads in blocks of time; each has about as many blocks as the others.
+    count = max(conditions.payload_blocks, len(conditions.payloads))
+    rounds = -(-conditions.payload_blocks // len(conditions.payloads))
+    payloads = np.concatenate([rng.permutation(np.array(conditions.payloads)) for _ in range(rounds)])[:count]
     return VirtualVisits(
         pose=pose,
         held=pose >= poses,
@@ -163,25 +171,10 @@ def visited(
         before=before,
         time=time,
         session=session,
-        payload=_blocks(total, np.array(conditions.payloads), conditions.payload_blocks, rng),
+        payload=payloads[np.arange(total) * count // total],
         # No force at about half of the visits, drawn at random.
         force=np.round(conditions.push * rng.standard_normal((total, 3))) * (rng.random((total, 1)) < 0.5),
         speed=way * rng.uniform(*SPEED, (total, 1)),
         acceleration=way * 0.4 * rng.standard_normal((total, 1)),
         day=Day.draw(rng, float(time[-1]), conditions.reference_temperature, conditions.warming),
     )
-
-
-def _starts(q: Floats, direct: float, rng: np.random.Generator) -> Floats:
-    """(N, n) starts of the actuators' last moves: the visit before, or a point at a small distance to a random side."""
-    before = np.vstack([q[:1], q[:-1]])
-    via = (rng.random(len(q)) >= direct) | (np.abs(q - before).min(axis=1) < 1e-3)
-    side = rng.choice([-1.0, 1.0], q.shape)
-    before[via] = (q + side * rng.uniform(*BACK_OFF, q.shape))[via]
-    return before
-
-
-def _blocks(total: int, levels: Floats, blocks: int, rng: np.random.Generator) -> Floats:
-    """(total,) levels in blocks of time; each level has about as many blocks as the others."""
-    rounds = [rng.permutation(levels) for _ in range(-(-blocks // len(levels)))]
-    return np.concatenate(rounds)[: max(blocks, len(levels))][np.arange(total) * max(blocks, len(levels)) // total]

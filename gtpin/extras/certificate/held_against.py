@@ -146,7 +146,14 @@ class HeldAgainst:
             base = replace(model, frame=Frame()).predict(dataset.q, dataset.covariates)
             model = replace(model, frame=rough_frame(base, measured))
             predicted = model.predict(dataset.q, dataset.covariates)
-            model = replace(model, frame=_best_frame(model.frame, predicted.T, measured.residual_at(predicted), noise))
+            # The frame moved so that the errors are least in units of the noise.
+            left, T, frame = measured.residual_at(predicted), predicted.T, model.frame
+            c, pivot = left.shape[1], T.mean(axis=0)
+            F = frame_motions(T - pivot)[:, :c]
+            weight = 1.0 / np.array([noise.position_sigma] * 3 + [noise.orientation_sigma] * 3)[:c]
+            motion, *_ = np.linalg.lstsq((F * weight[:, None]).reshape(-1, 6), (left * weight).ravel(), rcond=None)
+            turn = exp(np.asarray(motion[3:], dtype=np.float64))
+            model = replace(model, frame=Frame(turn @ (frame.T - pivot) + pivot + motion[:3], turn @ frame.R))
         errors = measured.residual_at(model.predict(dataset.q, dataset.covariates))
         return HeldAgainst(model, measured, errors, at, noise)
 
@@ -242,13 +249,3 @@ def approaches(covariates: Mapping[str, Column], n: int) -> Floats | None:
     if not all(name in covariates for name in names):
         return None
     return np.column_stack([np.asarray(covariates[name], dtype=float) for name in names])
-
-
-def _best_frame(frame: Frame, T: Floats, errors: Floats, noise: Noise) -> Frame:
-    """The frame moved so that errors (N, c) at positions T (N, 3) are least in units of the noise."""
-    c, pivot = errors.shape[1], T.mean(axis=0)
-    F = frame_motions(T - pivot)[:, :c]
-    weight = 1.0 / np.array([noise.position_sigma] * 3 + [noise.orientation_sigma] * 3)[:c]
-    motion, *_ = np.linalg.lstsq((F * weight[:, None]).reshape(-1, 6), (errors * weight).ravel(), rcond=None)
-    turn = exp(np.asarray(motion[3:], dtype=np.float64))
-    return Frame(turn @ (frame.T - pivot) + pivot + motion[:3], turn @ frame.R)

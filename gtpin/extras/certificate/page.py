@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 
 POINTS = {"tcp": "its TCP", "target": "the measured target"}
 """What is certified, in words."""
+AT = {"tcp": "at the TCP", "target": "at the target"}
+"""Heading of a column of motions of what is certified."""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 MODEL = "model/model.json"
 """The certified model, beside the certificate."""
@@ -220,12 +222,7 @@ def _contributions(c: Certificate) -> Table:
         sensitivity = "" if row.sensitivity is None else f"{row.sensitivity:.3g}"
         share = percent(c.budget.share(row) or 0.0)
         rows.append([ROWS[row.source], row.kind, size, sensitivity, quantity(row.position, "m"), share])
-    return Table(("contribution", "type", "input, 1 sigma", "sensitivity", _at(c), "share"), rows, (2, 3, 4, 5))
-
-
-def _at(c: Certificate) -> str:
-    """Heading of a column of motions of what is certified."""
-    return "at the TCP" if c.point == "tcp" else "at the target"
+    return Table(("contribution", "type", "input, 1 sigma", "sensitivity", AT[c.point], "share"), rows, (2, 3, 4, 5))
 
 
 def _budget(c: Certificate) -> Section:
@@ -255,7 +252,7 @@ def _budget(c: Certificate) -> Section:
         "Parameters of geometry and effects are correlated. These are uncorrelated directions of them, the largest first: the "
         "change of each of three parameters along the direction, and its contribution at the TCP. The squares of all "
         "directions add up to the square of the model's contribution.",
-        Table(("changes for one standard deviation", _at(c)), directions, (1,)),
+        Table(("changes for one standard deviation", AT[c.point]), directions, (1,)),
     ]
     return Section("budget", "Uncertainty of the corrected machine", content)
 

@@ -13,7 +13,7 @@ from gtpin.data.instrument_tables import PlaneTable
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import ModelError
 from gtpin.export.box import Box
-from gtpin.export.loss import both_approaches, postures, um
+from gtpin.export.loss import both_approaches, postures, rms, um
 from gtpin.extras.certificate.held_against import ModelPosterior, at_commands, by_commands, by_unknowns, prior_sizes
 from gtpin.extras.controllers.towers import DIMENSIONS, Drives, TowerFit
 from gtpin.extras.importers.towers import Towers
@@ -72,14 +72,6 @@ class OpenDirections:
         named += [f"where the tool sits, {um(tool)} um"] if tool > LEAST else []
         rest = um(self.parts.rest)
         return f"{', '.join(named)}; everything else, {rest} um" if named else f"{rest} um"
-
-    @property
-    def of_model(self) -> str:
-        """What the model does not explain, as a sentence; empty for nothing."""
-        if self.unexplained <= LEAST:
-            return ""
-        noise = "" if self.noise_known else " (noise of the instrument is in it, because it is not known)"
-        return f"Not explained by the model, of the data of its fit: {um(np.sqrt(3.0) * self.unexplained)} um{noise}. "
 
 
 def touches_one_plane(model: Model) -> bool:
@@ -195,12 +187,12 @@ class Left:
     @property
     def is_nothing(self) -> bool:
         """Whether there is no error to correct."""
-        return _rms(self.before) < LEAST
+        return rms(self.before) < LEAST
 
     @property
     def is_worse(self) -> bool:
         """Whether the error is larger with the tables; that of backlash is the same."""
-        return _rms(self.after) > WORSE * _rms(self.before) > LEAST
+        return rms(self.after) > WORSE * rms(self.before) > LEAST
 
     def words(self, where: str, temperatures: Mapping[str, float]) -> str:
         """Text with the root mean squares of both errors, um: of the machine where its uncertainty is known, else of the
@@ -208,8 +200,8 @@ class Left:
         where += "".join(f", {name} {value:g} degC" for name, value in temperatures.items())
         if self.doubt is None:
             return (
-                f"leaves {um(_rms(self.after))} of {um(_rms(self.before))} um of the TCP's error in {where}"
-                f" (z: {um(_rms(self.after[:, 2:]))} of {um(_rms(self.before[:, 2:]))} um)"
+                f"leaves {um(rms(self.after))} of {um(rms(self.before))} um of the TCP's error in {where}"
+                f" (z: {um(rms(self.after[:, 2:]))} of {um(rms(self.before[:, 2:]))} um)"
             )
         return f"leaves {machine_words(self.doubt, self.after, self.before, where, standing=self.standing)}"
 
@@ -226,11 +218,16 @@ def machine_words(
     up = f"z: {um(doubt.rms(after, slice(2, 3))[0])}"
     up += "" if before is None else f" of {um(doubt.rms(before, slice(2, 3))[0])}"
     up += " um; a shift or turn of the part on the bed is no error" if standing else " um"
-    lost = _rms(after)
+    lost = rms(after)
+    if doubt.unexplained > LEAST:
+        noise = "" if doubt.noise_known else " (noise of the instrument is in it, because it is not known)"
+        left = f"Not explained by the model, of the data of its fit: {um(np.sqrt(3.0) * doubt.unexplained)} um{noise}. "
+    else:
+        left = ""
     held = "The file holds the model exactly." if lost < LEAST else f"The file can't hold {um(lost)} um of the model."
     return (
         f"an expected error of the machine's TCP of {found}{of} um in {where} (95 %: {low} to {high} um; {up}). {held} "
-        f"{doubt.of_model}Not determined by the data: {doubt.words}"
+        f"{left}Not determined by the data: {doubt.words}"
     )
 
 
@@ -249,11 +246,7 @@ def by_parts(parts: Mapping[str, Left]) -> tuple[tuple[str, ...], tuple[str, ...
         return (), ()
     for name, found in parts.items():
         if not found.is_nothing:
-            words.append(f"{name} {um(_rms(found.after))} of {um(_rms(found.before))} um")
+            words.append(f"{name} {um(rms(found.after))} of {um(rms(found.before))} um")
         elif name != "geometry":
             absent.append(name)
     return ((f"leaves of each part alone: {', '.join(words)}",) if words else ()), tuple(absent)
-
-
-def _rms(errors: Floats) -> float:
-    return float(np.sqrt((errors**2).sum(axis=1).mean()))

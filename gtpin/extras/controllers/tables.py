@@ -80,9 +80,18 @@ def printer_files(model: Model, file: Path, session: str | None, wanted: TablesF
         hint = "give x0 x1 y0 y1 z0 z1 in the controller's coordinates, m, and its --origin"
         raise GtpinError("tables of a printer's firmware need --box", file=file, hint=hint)
     believed = wanted.believed(model)
-    drives, per_tower = (
-        (None, None) if wanted.firmware is None else _present(wanted.firmware, form, believed, box, file)
-    )
+    # The drives of a delta as its firmware is configured now, and for each tower the rotation distance, mm, or steps per mm.
+    # A configuration may include the file that is about to be written: what is there now does not count.
+    drives, per_tower = None, None
+    if wanted.firmware is not None:
+        if form == "klipper":
+            sections = read_config(wanted.firmware, without=file)
+            towers = tower_dimensions(sections, wanted.firmware)
+            options = [needed(sections, tower, "rotation_distance", wanted.firmware) for tower in TOWERS]
+            per_tower = np.array([option.number() for option in options])
+        else:
+            towers, per_tower = read_rrf_delta(wanted.firmware)
+        drives = drives_of(towers, believed, box)
     machine, unknown = wanted.machine(model, session)
     steps: Sequence[float | None] = sorted(set(wanted.temperatures)) or [None]
     known = [{} if t is None else dict.fromkeys(machine.temperature_columns, t) for t in steps]
@@ -145,15 +154,12 @@ def printer_correction(
         doubt = None if whole is None else open_directions(part, whole, plain(points))
         return Left(before, after, doubt, standing)
 
-    def left_alone(part: CompensatedMachine) -> Left:
-        controller = corrected(part)[1]
-        return left(part, controller, tables_of(part, controller))
-
     towers, controller = corrected(first)
     tables = tuple(tables_of(at, controller) for at in machines)
     remains = tuple(left(at, controller, table, model) for at, table in zip(machines, tables, strict=True))
     check_any(remains)
-    words, absent = by_parts({name: left_alone(part) for name, part in parts(machines[-1], believed).items()})
+    single = {name: (part, corrected(part)[1]) for name, part in parts(machines[-1], believed).items()}
+    words, absent = by_parts({name: left(part, own, tables_of(part, own)) for name, (part, own) in single.items()})
     names = (*(DIMENSIONS if drives is not None else [""] * D), *PARTS)
     alone = tuple(name for name, used in zip(names, chosen, strict=True) if name and not used)
     changes = () if drives is None or towers is None else changed_dimensions(first, drives, towers, chosen[:D], box)
@@ -180,22 +186,6 @@ def _shown(machine: CompensatedMachine, plain: Controller, drives: Drives | None
 
     free[D:] = determined(machine, fit.needed, parts_of)
     return free
-
-
-def _present(file: Path, form: str, nominal: Model, box: Box, output: Path) -> tuple[Drives, Floats]:
-    """The drives of a delta as its firmware is configured now, and for each tower the rotation distance, mm, or steps per mm.
-
-    Raises `GtpinError` if the dimensions are not those of the nominal robot.
-
-    A configuration may include the file ``output`` that is about to be written: what is there now does not count.
-    """
-    if form == "klipper":
-        sections = read_config(file, without=output)
-        towers = tower_dimensions(sections, file)
-        per_tower = np.array([needed(sections, tower, "rotation_distance", file).number() for tower in TOWERS])
-    else:
-        towers, per_tower = read_rrf_delta(file)
-    return drives_of(towers, nominal, box), per_tower
 
 
 def grid_file(model: Model, file: Path, session: str | None, wanted: TablesFor) -> Export:

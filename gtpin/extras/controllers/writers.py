@@ -36,12 +36,6 @@ def _of_drives(model: Model, files: dict[str, str], session: str | None) -> Expo
 
 
 def _dh(model: Model, file: Path, session: str | None, tables: TablesFor) -> Export:
-    missing = tuple(name for name in left_out(model) if "@" in name)
-    doubt = tuple(f"{words}: corrections may be off by more than their sigmas" for words in not_explained(model))
-    return Export({file.name: _arm_table(model)}, missing, doubt)
-
-
-def _arm_table(model: Model) -> str:
     """Rows ``joint parameter unit nominal correction sigma determined``; sigma is blank for a nominal robot."""
     table = controller_table(model, exact=True)
     if not table:
@@ -54,7 +48,9 @@ def _arm_table(model: Model) -> str:
         sigma = f"{p.sigma:.9f}" if isfinite(p.sigma) else ""
         known = "yes" if p.determined else "no"
         lines.append(f"{p.site},{p.name},{p.unit},{p.nominal:z.9f},{p.correction:z.9f},{sigma},{known}")
-    return "\n".join(lines) + "\n"
+    missing = tuple(name for name in left_out(model) if "@" in name)
+    doubt = tuple(f"{words}: corrections may be off by more than their sigmas" for words in not_explained(model))
+    return Export({file.name: "\n".join(lines) + "\n"}, missing, doubt)
 
 
 CSV = Writer(_csv, ".csv")

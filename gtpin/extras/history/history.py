@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,6 +14,7 @@ from gtpin.data import Dataset
 from gtpin.data.files import read_text
 from gtpin.diagnosis.result import HealthCheck, Verdict
 from gtpin.errors import GtpinError
+from gtpin.output.results import fields
 
 SCHEMA: Final = "gtpin-history/1"
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -66,11 +66,8 @@ class Entry(HistoryPart):
         changes = []
         for c in check.causes:
             name, e = next(iter(c.parameters.items()))
-            changes.append(
-                Changed(
-                    effect=c.effect, site=c.site, probability=c.probability, parameter=name, value=e.value, unit=e.unit
-                )
-            )
+            first = {"parameter": name, "value": e.value, "unit": e.unit}
+            changes.append(Changed.model_validate(fields(c, "effect", "site", "probability") | first))
         return Entry(
             date=now.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
             robot=check.baseline.robot.name,
@@ -123,26 +120,17 @@ def read_history(files: HistoryFiles) -> tuple[Entry, ...]:
                 hint=f"restore it, or move {files.page} aside to begin anew",
             )
         return ()
-    lines = read_text(file, GtpinError, hint="restore it from a copy").splitlines()
-    return tuple(_entry(line, number, file) for number, line in enumerate(lines, 1))
-
-
-def _entry(line: str, number: int, file: Path) -> Entry:
+    lines, entries = read_text(file, GtpinError, hint="restore it from a copy").splitlines(), []
     hint = "restore it from a copy, or move it aside to begin anew"
-    try:
-        entry = Entry.model_validate(json.loads(line))
-        entry.time  # noqa: B018  (a date that is none is an error)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise GtpinError(
-            f"the history is damaged ({first['msg']})", file=file, row=number, column=key, hint=hint
-        ) from None
-    except (ValueError, RecursionError) as error:
-        raise GtpinError(f"the history is damaged ({str(error)[:80]})", file=file, row=number, hint=hint) from None
-    return entry
-
-
-def written_history(entries: Sequence[Entry]) -> str:
-    """The lines of a history."""
-    return "".join(entry.model_dump_json(by_alias=True) + "\n" for entry in entries)
+    for number, line in enumerate(lines, 1):
+        try:
+            entries.append(Entry.model_validate(json.loads(line)))
+            entries[-1].time  # noqa: B018  (a date that is none is an error)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            key, what = ".".join(str(part) for part in first["loc"]), f"the history is damaged ({first['msg']})"
+            raise GtpinError(what, file=file, row=number, column=key, hint=hint) from None
+        except (ValueError, RecursionError) as error:
+            what = f"the history is damaged ({str(error)[:80]})"
+            raise GtpinError(what, file=file, row=number, hint=hint) from None
+    return tuple(entries)

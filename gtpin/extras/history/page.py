@@ -13,7 +13,7 @@ from typing import Any
 from gtpin.data import Dataset
 from gtpin.diagnosis.result import HealthCheck
 from gtpin.errors import GtpinError
-from gtpin.extras.history.history import Entry, HistoryFiles, read_history, refuse_readings, written_history
+from gtpin.extras.history.history import Entry, HistoryFiles, read_history, refuse_readings
 from gtpin.output.results import results_folder
 from gtpin.report.figure import ACCENT, GOOD, LINE, MYSTERY, SOFT, WARN, Drawing, Plot, scatter
 from gtpin.report.page import Lead, Plots, Section, Table, report
@@ -51,7 +51,8 @@ class History:
             what, hint = f"this is a history of {self.entries[-1].robot}", f"give a history of {now.robot} of its own"
             raise GtpinError(what, file=self.files.folder / self.files.lines, hint=hint)
         every = (*self.entries, now)
-        (self.folder / self.files.lines).write_text(written_history(every), encoding="utf-8")
+        lines = "".join(entry.model_dump_json(by_alias=True) + "\n" for entry in every)
+        (self.folder / self.files.lines).write_text(lines, encoding="utf-8")
         (self.folder / self.files.page).write_text(history_page(every), encoding="utf-8")
 
 

@@ -92,19 +92,14 @@ def _step(sections: Sections, tower: str, file: Path) -> float:
         return _positive(options["step_distance"])
     microsteps = _positive(needed(sections, tower, "microsteps", file))
     full = _positive(options["full_steps_per_rotation"]) if "full_steps_per_rotation" in options else FULL_STEPS
-    ratio = _ratio(options["gear_ratio"]) if "gear_ratio" in options else 1.0
+    ratio = 1.0  # such as 80:20; several, separated by commas, are multiplied
+    if option := options.get("gear_ratio"):
+        for pair in option.text.split(","):
+            values = [decimal(text, option.file, option.row, option.name) for text in pair.split(":")]
+            if len(values) != 2 or min(values) <= 0.0:
+                raise option.error(f"{pair.strip()[:40]!r} is no gear ratio", "write it as 80:20")
+            ratio *= values[0] / values[1]
     return _positive(needed(sections, tower, "rotation_distance", file)) / (full * microsteps * ratio)
-
-
-def _ratio(option: Option) -> float:
-    """A gear ratio such as 80:20; several, separated by commas, are multiplied."""
-    ratio = 1.0
-    for pair in option.text.split(","):
-        values = [decimal(text, option.file, option.row, option.name) for text in pair.split(":")]
-        if len(values) != 2 or min(values) <= 0.0:
-            raise option.error(f"{pair.strip()[:40]!r} is no gear ratio", "write it as 80:20")
-        ratio *= values[0] / values[1]
-    return ratio
 
 
 def _positive(option: Option) -> float:
@@ -185,7 +180,14 @@ def read_klipper_mesh(
         hint = "give the whole printer.cfg: [bed_mesh] says whether the bed is round"
         raise DatasetError("[bed_mesh] is missing", file=file, column="bed_mesh", hint=hint)
     nx, ny = (_count(needed(sections, name, f"{axis}_count", file)) for axis in "xy")
-    (low, high) = zip(*(_bounds(sections, name, axis, file) for axis in "xy"), strict=True)
+    low, high = [], []  # of x and y, mm
+    for axis in "xy":
+        least, most = (needed(sections, name, f"{end}_{axis}", file) for end in ("min", "max"))
+        if most.number() <= least.number():
+            what = f"max_{axis} = {most.text[:40]} is not above min_{axis} = {least.text[:40]}"
+            raise most.error(what, "restore the file")
+        low.append(least.number())
+        high.append(most.number())
     bed = sections["bed_mesh"]
     radius = bed["mesh_radius"].number() if "mesh_radius" in bed else np.inf  # of a round bed
     origin = bed["mesh_origin"].numbers(2) if "mesh_origin" in bed else [0.0, 0.0]
@@ -223,15 +225,6 @@ def _carriages(sections: Sections, xyz: Floats, file: Path) -> Floats | None:
         return None
     heights = tower_dimensions(sections, file).heights(xyz)
     return heights if np.isfinite(heights).all() else None
-
-
-def _bounds(sections: Sections, name: str, axis: str, file: Path) -> tuple[float, float]:
-    """Smallest and largest x or y of a mesh, mm."""
-    low, high = (needed(sections, name, f"{end}_{axis}", file) for end in ("min", "max"))
-    if high.number() <= low.number():
-        what = f"max_{axis} = {high.text[:40]} is not above min_{axis} = {low.text[:40]}"
-        raise high.error(what, "restore the file")
-    return low.number(), high.number()
 
 
 def _count(option: Option) -> int:

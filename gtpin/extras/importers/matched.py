@@ -56,26 +56,17 @@ def matched(
             raise DatasetError(what, file=file, hint="give as many commands, or match by pose or time")
         return np.arange(len(row))
     if by == "pose":
-        return _by_pose(commands, file, row, pose)
-    if by == "time":
-        return _by_time(commands, file, row, time, within)
-    raise DatasetError(f"match {by!r} is not known", column="match", hint="pose, row or time")
-
-
-def _by_pose(commands: Commands, file: Path, row: npt.NDArray[np.int64], pose: Ids | None) -> npt.NDArray[np.intp]:
-    if pose is None:
-        raise DatasetError("no column is named pose", file=file, column="pose", hint="name it, or match by row or time")
-    place = {name: number for number, name in reversed([*enumerate(commands.pose)])}
-    for name, line in zip(pose, row, strict=True):
-        if name not in place:
-            what = f"there is no command of pose {name[:40]} in {commands.file}"
-            raise DatasetError(what, file=file, row=int(line), column="pose", hint="add it, or delete the row")
-    return np.array([place[name] for name in pose], dtype=np.intp)
-
-
-def _by_time(
-    commands: Commands, file: Path, row: npt.NDArray[np.int64], time: Floats | None, within: float | None
-) -> npt.NDArray[np.intp]:
+        if pose is None:
+            hint = "name it, or match by row or time"
+            raise DatasetError("no column is named pose", file=file, column="pose", hint=hint)
+        place = {name: number for number, name in reversed([*enumerate(commands.pose)])}
+        for name, line in zip(pose, row, strict=True):
+            if name not in place:
+                what = f"there is no command of pose {name[:40]} in {commands.file}"
+                raise DatasetError(what, file=file, row=int(line), column="pose", hint="add it, or delete the row")
+        return np.array([place[name] for name in pose], dtype=np.intp)
+    if by != "time":
+        raise DatasetError(f"match {by!r} is not known", column="match", hint="pose, row or time")
     if time is None:
         raise DatasetError("the readings have no time", file=file, column="time", hint="match by pose or row")
     if "time" not in commands.covariates:

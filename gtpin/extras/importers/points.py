@@ -197,7 +197,14 @@ def read_named_columns(
                     ) from None
             else:
                 plain = text.replace(",", ".", 1) if decimal_comma else text
-                cells[name].append(decimal(plain, file, row, name, _hint(name, plain, first=not rows)))
+                hint = "if this line is no row, pass over it (--header N); else correct it"
+                if not rows and (known := known_lookalike(name) or next(iter(_near(name)), None)):
+                    hint = f"did you mean the column {known} in --columns?"
+                elif has_decimal_comma(plain):
+                    hint = "if numbers have a comma for the point, give --decimal-comma"
+                elif rows:
+                    hint = "correct the row, or delete it"
+                cells[name].append(decimal(plain, file, row, name, hint))
         rows.append(row)
     if not rows:
         raise DatasetError("there are no rows", file=file, hint="check the number of header lines (--header)")
@@ -246,19 +253,6 @@ def _near(name: str) -> list[str]:
     """The short name of a column that a name nearly equals, or none."""
     known = ("pose", "time", *ORIENTATION, *TURNS)
     return [] if name in known else get_close_matches(name.lower(), known, 1, NEAR)
-
-
-def _hint(name: str, text: str, *, first: bool) -> str:
-    """The hint for a text in the column ``name`` that is not a number; ``first``: it is in the first row."""
-    if first and (known := known_lookalike(name) or next(iter(_near(name)), None)):
-        return f"did you mean the column {known} in --columns?"
-    if has_decimal_comma(text):
-        return "if numbers have a comma for the point, give --decimal-comma"
-    return (
-        "if this line is no row, pass over it (--header N); else correct it"
-        if first
-        else "correct the row, or delete it"
-    )
 
 
 def instrument_of(

@@ -158,7 +158,11 @@ def commands(touches: Touches, kinematics: Kinematics, origin: Floats) -> tuple[
         q, poses = commands_for(kinematics, touches.position + origin, R)
         _refuse(touches, poses, robot)
         if touches.travel is None:
-            _compare(touches, q, robot)
+            known = touches.carriages
+            if known is not None and len(q) >= FEWEST and q.shape == known.shape and _assigned(q, known)[2] > SAME:
+                off = f"{1e3 * _assigned(q, known)[2]:.2g} mm: right only if they were changed after the probing; else correct"
+                what = f"the carriages of {robot.name} move otherwise than by the dimensions in this file, by {off}"
+                warn(f"{touches.file}: {what} the robot")
         else:
             q = by_travel(q, touches.travel, touches.file, robot.name)
             poses = kinematics.forward(q)
@@ -208,18 +212,6 @@ def _assigned(q: Floats, travel: Floats) -> tuple[npt.NDArray[np.intp], Floats, 
     actuator, drive = linear_sum_assignment(apart)
     sign = np.where(same <= other, 1.0, -1.0)[actuator, drive]
     return drive, sign, float(apart[actuator, drive].max())
-
-
-def _compare(touches: Touches, q: Floats, robot: Chain) -> None:
-    """Warn if the robot's commands q (N, n) are not those by the dimensions in the file of the touches."""
-    if touches.carriages is None or len(q) < FEWEST or q.shape != touches.carriages.shape:
-        return
-    worst = _assigned(q, touches.carriages)[2]
-    if worst > SAME:
-        what = (
-            f"the carriages of {robot.name} move otherwise than by the dimensions in this file, by {1e3 * worst:.2g} mm"
-        )
-        warn(f"{touches.file}: {what}: right only if they were changed after the probing; else correct the robot")
 
 
 def write_touches(

@@ -79,7 +79,16 @@ def with_drives(mechanism: Mechanism, model: Model, session: str | None) -> tupl
 def _law(model: Model, index: int, active: ActiveEffect, session: str | None) -> tuple[Law, Floats | None]:
     """The part of an effect that a drive can represent, and its motion of the TCP; None where that part is too small."""
     at = conditions(model, active, session)
-    far = _over_the_range(model, index, at)
+    # The same conditions with the actuator's commands over its whole range.
+    lower, upper = model.robot.ends
+    over = at.q.copy()
+    over[:, index] = np.linspace(lower[index], upper[index], len(over))
+    poses = model.kinematics.forward(over)
+    rows = np.flatnonzero(poses.reached)
+    known = {name: values[rows] for name, values in at.covariates.items()}
+    far = replace(
+        OperatingPoints(model.kinematics, over[rows], poses[rows], known, at.fixed), temperature=at.temperature
+    )
     q = np.concatenate([at.q[:, index], far.q[:, index]])
     up, down = (np.concatenate([_travel(active, s, index, side) for s in (at, far)]) for side in (1.0, -1.0))
     weight = np.repeat([1.0, BEYOND], [len(at), len(far)])
@@ -97,17 +106,6 @@ def _law(model: Model, index: int, active: ActiveEffect, session: str | None) ->
     moved = at.command_jacobian[:, :6, index] * held[:, None]
     whole = by_effect(active, at)
     return law, moved if rms(whole - moved) <= WORTH * rms(whole) else None
-
-
-def _over_the_range(model: Model, index: int, at: OperatingPoints) -> OperatingPoints:
-    """The same conditions with an actuator's commands over its whole range."""
-    lower, upper = model.robot.ends
-    q = at.q.copy()
-    q[:, index] = np.linspace(lower[index], upper[index], len(q))
-    poses = model.kinematics.forward(q)
-    rows = np.flatnonzero(poses.reached)
-    known = {name: values[rows] for name, values in at.covariates.items()}
-    return OperatingPoints(model.kinematics, q[rows], poses[rows], known, fixed=at.fixed, temperature=at.temperature)
 
 
 def _travel(active: ActiveEffect, at: OperatingPoints, index: int, approach: float) -> Floats:

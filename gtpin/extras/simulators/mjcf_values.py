@@ -232,14 +232,20 @@ def without_objects(root: Element) -> None:
     an object must also float freely. Where all moving bodies would be objects, none is removed.
     """
     on_world = [(place, body) for world in root.findall("worldbody") for place, body in _bodies(world)]
-    moving = [(world, body) for world, body in on_world if _joints(body)]
+    joints = {body: [element for element in body.iter() if element.tag in JOINTS] for _, body in on_world}
+    moving = [(world, body) for world, body in on_world if joints[body]]
+    floating = {
+        body
+        for _, body in moving
+        if all(joint.tag == "freejoint" or joint.get("type") == "free" for joint in joints[body])
+    }
     parts = [element for tag in NAMING for part in root.findall(tag) for element in part.iter()]
     named = {value for element in parts for key, value in element.attrib.items() if key != "name"}
     driven = any(len(part) for part in root.findall("actuator"))
     objects = [
         (world, body)
         for world, body in moving
-        if not named & {element.get("name", "") for element in body.iter()} - {""} and (driven or _floats(body))
+        if not named & {element.get("name", "") for element in body.iter()} - {""} and (driven or body in floating)
     ]
     if len(objects) < len(moving):
         for world, body in objects:
@@ -253,14 +259,6 @@ def _bodies(place: Element) -> Iterator[tuple[Element, Element]]:
             yield place, child
         elif child.tag == "frame":
             yield from _bodies(child)
-
-
-def _joints(body: Element) -> list[Element]:
-    return [element for element in body.iter() if element.tag in JOINTS]
-
-
-def _floats(body: Element) -> bool:
-    return all(joint.tag == "freejoint" or joint.get("type") == "free" for joint in _joints(body))
 
 
 DENSITY = 1000.0
@@ -330,17 +328,16 @@ class Masses:
             geom = self.values.attributes(part.element, part.inherited)
             if low <= float(self.values.numbers(geom, "group", "0", 1)[0]) <= high:
                 total = total + part.frame.act(self._geom(name, geom))
-        return self._inertial(given) if given is not None and total.mass == 0.0 else total
-
-    def _inertial(self, part: Part) -> Any:
-        given = part.element.attrib
-        if "fullinertia" in given:
-            xx, yy, zz, xy, xz, yz = self.values.numbers(given, "fullinertia", "", 6)
+        if given is None or total.mass != 0.0:
+            return total
+        own, read = given.element.attrib, self.values.numbers
+        if "fullinertia" in own:
+            xx, yy, zz, xy, xz, yz = read(own, "fullinertia", "", 6)
             matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         else:
-            matrix = np.diag(self.values.numbers(given, "diaginertia", "0 0 0", 3))
-        own = pin.Inertia(float(self.values.numbers(given, "mass", "", 1)[0]), np.zeros(3), matrix)
-        return part.frame.act(self.values.placement(given).act(own))
+            matrix = np.diag(read(own, "diaginertia", "0 0 0", 3))
+        inertia = pin.Inertia(float(read(own, "mass", "", 1)[0]), np.zeros(3), matrix)
+        return given.frame.act(self.values.placement(own).act(inertia))
 
     def _geom(self, name: str, geom: Mapping[str, str]) -> Any:
         shape, at = geom.get("type", "sphere"), self.values.placement(geom)

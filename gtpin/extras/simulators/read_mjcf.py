@@ -205,7 +205,14 @@ class _UrdfWriter:
         elif given:
             SubElement(own, "gravity", xyz=exact_text(self.values.numbers(given[-1].attrib, "gravity", "", 3)))
         self.robot.append(own)
-        self._warn(root)
+        self.masses.warn()
+        lifted = [body.get("name", "a body") for body in root.iter("body") if body.get("gravcomp", "0").strip("0. ")]
+        if lifted:
+            names = listed(lifted, SHOWN)
+            warn(f"{self.values.source}: gravcomp is not read, gravity acts on the whole mass: bodies {names}")
+        for name in sorted(self.named & self.bodies.keys() - {WORLD}):
+            what = f"a site and a body are called {name}: the link {name} is the site, and the link of the body is"
+            warn(f"{self.values.source}: {what} {self.bodies[name]}")
         indent(self.robot)
         return tostring(self.robot, encoding="unicode")
 
@@ -219,18 +226,6 @@ class _UrdfWriter:
             what = f"{TCP_MARK} names {marks[-1]!r}, which is no body and no site"
             raise self.values.error(what, "mend <custom>")
         return link
-
-    def _warn(self, root: Element) -> None:
-        self.masses.warn()
-        lifted = [body.get("name", "a body") for body in root.iter("body") if body.get("gravcomp", "0").strip("0. ")]
-        if lifted:
-            names = listed(lifted, SHOWN)
-            warn(f"{self.values.source}: gravcomp is not read, gravity acts on the whole mass: bodies {names}")
-        for name in sorted(self.named & self.bodies.keys() - {WORLD}):
-            warn(
-                f"{self.values.source}: a site and a body are called {name}: the link {name} is the site, and the link of the "
-                f"body is {self.bodies[name]}"
-            )
 
     # ------------------------------------------------------------------------------------------------ bodies
 
@@ -372,8 +367,17 @@ class _UrdfWriter:
             missing = next((body for body in names if body not in self.bodies), None)
             if missing is None:
                 first, second = (self.bodies[body] for body in names)
-                one, other = self._weld(given, first, second) if tag == "weld" else self._point(given, first, second)
-                ends = [(first, one), (second, other)]
+                place = self.values.numbers(given, "anchor", "0 0 0" if tag == "weld" else "", 3)
+                anchor = pin.SE3(np.eye(3), place)
+                if tag == "weld":  # the frame that they share: with ``relpose``, else in the initial posture
+                    x, y, z, *quaternion = self.values.numbers(given, "relpose", "0 1 0 0 0 0 0", 7)
+                    relative = self.at[first].actInv(self.at[second])
+                    if any(quaternion):
+                        w, *vector = self.values.unit(np.array(quaternion), "relpose")
+                        relative = pin.XYZQUATToSE3(np.array([x, y, z, *vector, w]))
+                    ends = [(first, relative * anchor), (second, anchor)]
+                else:  # the point at which they meet in the initial posture
+                    ends = [(first, anchor), (second, self.at[second].actInv(self.at[first] * anchor))]
         if missing is not None:
             raise self.values.error(f"{tag} {name} of unknown {missing!r}", "name two bodies or sites")
         loop = SubElement(self.robot, "loop_joint", name=name, type="fixed" if tag == "weld" else "spherical")
@@ -381,21 +385,6 @@ class _UrdfWriter:
             end = SubElement(loop, key, link=link, xyz=exact_text(at.translation))
             if tag == "weld":
                 end.set("rpy", exact_text(pin.rpy.matrixToRpy(at.rotation)))
-
-    def _point(self, given: dict[str, str], first: str, second: str) -> tuple[Any, Any]:
-        """Placements on two links of the point at which they meet in the initial posture."""
-        anchor = pin.SE3(np.eye(3), self.values.numbers(given, "anchor", "", 3))
-        return anchor, self.at[second].actInv(self.at[first] * anchor)
-
-    def _weld(self, given: dict[str, str], first: str, second: str) -> tuple[Any, Any]:
-        """Placements on two links of the frame that they share: with ``relpose``, else in the initial posture."""
-        anchor = pin.SE3(np.eye(3), self.values.numbers(given, "anchor", "0 0 0", 3))
-        x, y, z, *quaternion = self.values.numbers(given, "relpose", "0 1 0 0 0 0 0", 7)
-        relative = self.at[first].actInv(self.at[second])
-        if any(quaternion):
-            w, *vector = self.values.unit(np.array(quaternion), "relpose")
-            relative = pin.XYZQUATToSE3(np.array([x, y, z, *vector, w]))
-        return relative * anchor, anchor
 
     def _tie(self, given: dict[str, str]) -> None:
         """Let a joint follow another by ``<mimic>``; without another one, fix it."""
@@ -414,20 +403,16 @@ class _UrdfWriter:
             what = f"two equality constraints of joint {follower}"
             raise self.values.error(what, "keep one")
         if master is None:
-            self._fix(joint, self.initial[follower] + poly[0])
+            origin, twist = self.moves[follower]
+            joint.set("type", "fixed")
+            for part in [part for part in joint if part.tag in ("axis", "limit")]:
+                joint.remove(part)
+            set_origin(joint, origin * pin.exp6((self.initial[follower] + poly[0]) * twist))
             return
         if poly[2:].any():
             raise self.values.error(f"equality/joint of {follower} is a curve", hint)
         offset = self.initial[follower] + poly[0] - poly[1] * self.initial[master]
         SubElement(joint, "mimic", joint=master, multiplier=repr(float(poly[1])), offset=repr(float(offset)))
-
-    def _fix(self, joint: Element, coordinate: float) -> None:
-        """Make a joint a fixed one, at a coordinate, rad or m."""
-        origin, twist = self.moves[joint.get("name", "")]
-        joint.set("type", "fixed")
-        for part in [part for part in joint if part.tag in ("axis", "limit")]:
-            joint.remove(part)
-        set_origin(joint, origin * pin.exp6(coordinate * twist))
 
     # ------------------------------------------------------------------------------------------------ elements
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from gtpin.errors import RobotError
 from gtpin.export.xml_text import numbers, xml_text
-from gtpin.extras.simulators.mechanism import WORLD, Body, Joint, Mechanism, Shape
+from gtpin.extras.simulators.mechanism import WORLD, Body, Joint, Mechanism
 
 VERSION = "1.9"
 SQUARE = 1e-9
@@ -58,7 +58,17 @@ def _link(model: Element, body: Body, placement: Any) -> None:
         for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
             _value(moments, f"i{'xyz'[i]}{'xyz'[j]}", inertia.inertia[i, j])
     for number, shape in enumerate(body.shapes):
-        _visual(link, f"{body.name}_{number}", shape)
+        visual = SubElement(link, "visual", name=f"{body.name}_{number}")
+        _pose(visual, shape.placement)
+        kind = SubElement(SubElement(visual, "geometry"), shape.kind)
+        if shape.kind == "box":
+            SubElement(kind, "size").text = numbers(*shape.size)
+        else:
+            for tag, size in zip(("radius", "length"), shape.size, strict=False):
+                _value(kind, tag, size)
+        colours = SubElement(visual, "material")
+        for tag in ("ambient", "diffuse"):
+            SubElement(colours, tag).text = numbers(*shape.rgba)
     for name, fixed in body.frames.items():
         _pose(SubElement(model, "frame", name=name, attached_to=body.name), fixed)
 
@@ -107,20 +117,6 @@ def _joint(model: Element, name: str, kind: str, parent: str, child: str) -> Ele
     SubElement(joint, "parent").text = parent
     SubElement(joint, "child").text = child
     return joint
-
-
-def _visual(link: Element, name: str, shape: Shape) -> None:
-    visual = SubElement(link, "visual", name=name)
-    _pose(visual, shape.placement)
-    kind = SubElement(SubElement(visual, "geometry"), shape.kind)
-    if shape.kind == "box":
-        SubElement(kind, "size").text = numbers(*shape.size)
-    else:
-        for tag, size in zip(("radius", "length"), shape.size, strict=False):
-            _value(kind, tag, size)
-    colours = SubElement(visual, "material")
-    for tag in ("ambient", "diffuse"):
-        SubElement(colours, tag).text = numbers(*shape.rgba)
 
 
 def _pose(element: Element, placement: Any) -> None:

@@ -73,7 +73,13 @@ def _with_soft_drive(mechanism: Mechanism, model: Model, active: ActiveEffect) -
 def _with_soft_bearing(mechanism: Mechanism, model: Model, active: ActiveEffect) -> tuple[Mechanism, Floats | None]:
     at, here = conditions(model, active), _home(model)
     frame = joint_frame(at, active.site)
-    across, tangents = _principal(frame.across, active.coefficients)
+    # The axes about which the bearing tilts by moments about themselves alone, the first nearest to a; their compliances.
+    (a, _, b, _, skew), turn = active.coefficients[:5], np.eye(2)
+    if skew:
+        turn = np.linalg.eigh([[a, skew], [skew, b]])[1]
+        turn = turn[:, ::-1] if abs(turn[0, 1]) > abs(turn[0, 0]) else turn
+        turn = turn * np.sign(turn.diagonal())
+    across, tangents = turn.T @ frame.across, (turn.T @ np.array([[a, skew], [skew, b]]) @ turn).diagonal()
     moments = at.joint_loads[:, frame.index, 3:] @ across.T
     tilts = (active.basis(at).placements[0][1] @ active.coefficients)[:, 3:] @ across.T
     driven = mechanism.joint(model.robot.actuators[model.robot.sites.index(active.site)].joint)
@@ -91,19 +97,6 @@ def _with_soft_bearing(mechanism: Mechanism, model: Model, active: ActiveEffect)
         return mechanism, None
     mechanism = mechanism.with_joints(driven.name, [*joints, driven])
     return mechanism, at.bodies.by_twist(frame.index, twist[..., None])[:, :6, 0]
-
-
-def _principal(across: Floats, coefficients: Floats) -> tuple[Floats, Floats]:
-    """(2, 3) the axes about which a bearing tilts by moments about themselves alone, the first nearest to a; (2,) compliances.
-
-    ``across``: (2, 3) the vectors a and b of :class:`~gtpin.effects.joints.BearingCompliance`.
-    """
-    (a, _, b, _, skew), turn = coefficients[:5], np.eye(2)
-    if skew:
-        turn = np.linalg.eigh([[a, skew], [skew, b]])[1]
-        turn = turn[:, ::-1] if abs(turn[0, 1]) > abs(turn[0, 0]) else turn
-        turn = turn * np.sign(turn.diagonal())
-    return turn.T @ across, (turn.T @ np.array([[a, skew], [skew, b]]) @ turn).diagonal()
 
 
 def _flexibilities(

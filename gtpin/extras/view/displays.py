@@ -100,19 +100,16 @@ def shapes(robot: Chain, share: Mapping[str, float]) -> Any:
                 shape.meshColor = np.append(of_share(share.get(rods[link], 0.0)), 1.0)
     for link, site in rods.items():
         if link not in drawn:
-            found.addGeometryObject(_cylinder(robot, site, share))
+            import coal
+
+            _, joint, tip = robot.rod_tips[site]
+            length = float(np.linalg.norm(tip))
+            turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), tip / max(length, 1e-12)).matrix()
+            cylinder = coal.Cylinder(RADIUS * robot.size / 4.0, length)
+            shape = pin.GeometryObject(site, joint, pin.SE3(turn, tip / 2.0), cylinder)
+            shape.meshColor = np.append(of_share(share.get(site, 0.0)), 1.0)
+            found.addGeometryObject(shape)
     return found
-
-
-def _cylinder(robot: Chain, site: str, share: Mapping[str, float]) -> Any:
-    import coal
-
-    _, joint, tip = robot.rod_tips[site]
-    length = float(np.linalg.norm(tip))
-    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), tip / max(length, 1e-12)).matrix()
-    shape = pin.GeometryObject(site, joint, pin.SE3(turn, tip / 2.0), coal.Cylinder(RADIUS * robot.size / 4.0, length))
-    shape.meshColor = np.append(of_share(share.get(site, 0.0)), 1.0)
-    return shape
 
 
 def with_its_meshes(description: RobotDescription) -> str:
@@ -246,7 +243,16 @@ class ChainDisplay:
         if self._meshes is None:
             self._lines()
         else:
-            self._meshes.update_cfg(np.array([self._angle(name, configuration) for name in self._names]))
+            found, model = (
+                np.zeros(len(self._names)),
+                self.robot.model,
+            )  # 0 for a joint that the Pinocchio model does not have
+            for i, name in enumerate(self._names):
+                if model.existJointName(name):
+                    joint = model.joints[model.getJointId(name)]
+                    own = configuration[joint.idx_q : joint.idx_q + joint.nq]
+                    found[i] = np.arctan2(own[1], own[0]) if joint.nq == 2 else own[0]
+            self._meshes.update_cfg(found)
 
     def _load(self) -> Any:
         xml = with_its_meshes(self.robot.description)
@@ -259,15 +265,6 @@ class ChainDisplay:
         urdf = yourdfpy.URDF.load(BytesIO(xml.encode()), filename_handler=lambda fname: fname)
         self._names = tuple(urdf.actuated_joint_names)
         return ViserUrdf(self._server, urdf)
-
-    def _angle(self, name: str, configuration: Floats) -> float:
-        """The position of a joint by its name in the URDF, m or rad; 0 if the Pinocchio model does not have this joint."""
-        model = self.robot.model
-        if not model.existJointName(name):
-            return 0.0
-        joint = model.joints[model.getJointId(name)]
-        own = configuration[joint.idx_q : joint.idx_q + joint.nq]
-        return float(np.arctan2(own[1], own[0]) if joint.nq == 2 else own[0])
 
     def _lines(self) -> None:
         model = self.robot.model

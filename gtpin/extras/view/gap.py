@@ -12,7 +12,6 @@ from gtpin.calibration.problem import with_unknowns
 from gtpin.data import Dataset, check_commands, without_whole_turns
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import DatasetError, ModelError, warn
-from gtpin.instruments.instrument import Instrument
 from gtpin.instruments.readings import Readings, instruments_of, single
 from gtpin.model.measured_robot import check_same_robot, measuring
 from gtpin.model.model import FittedInstrument, Model
@@ -122,7 +121,13 @@ def gap_with_instruments(model: Model, dataset: Dataset) -> tuple[DrawnGap, tupl
     check_same_robot(model.robot, dataset)
     model = replace(model, geometry=replace(model.geometry, robot=measuring(model.robot, dataset)))
     dataset = _checked(model, dataset)
-    fitted = model.instruments or _fitted(model, dataset)
+    fitted = model.instruments
+    if not fitted:
+        whole = single(dataset, model.robot)
+        poses = model.predict(whole.q, whole.covariates)
+        if poses.reached.any():
+            readings, poses = Readings.of(whole.take(poses.reached), model.robot), poses[poses.reached]
+            fitted = with_unknowns(readings.at(readings.start(poses)), poses).fitted
     return gap_of(model, dataset, fitted), fitted
 
 
@@ -164,7 +169,9 @@ def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = 
         mine = rows.rows_of(i)
         if not len(mine):
             continue
-        u = _unknowns(one, known)
+        if lacking := next((unknown.name for unknown in one.unknowns if unknown.name not in known), None):
+            raise ModelError(f"the model does not know {lacking}", hint=CALIBRATED)
+        u = np.array([known[unknown.name] for unknown in one.unknowns])
         residual = one.residual_at(seen[mine], u)
         first = next(c.unit for c in one.components if c.shown)
         shown = np.array([c.shown and c.unit == first for c in one.components])
@@ -181,24 +188,6 @@ def gap_of(model: Model, dataset: Dataset, fitted: Sequence[FittedInstrument] = 
             share = at.rod_shares(based_left, np.diag(np.repeat(sigma, 3)[: residual.shape[1]]))
     by, units = tuple(map(str, name)), tuple(map(str, unit))
     return DrawnGap(whose(model), kept.pose, rows.line, kept.q, T, error, share, by, value, units, whitened)
-
-
-def _fitted(model: Model, dataset: Dataset) -> tuple[FittedInstrument, ...]:
-    """The dataset's instruments with the values of their unknowns that fit a model best where it reaches the poses."""
-    whole = single(dataset, model.robot)
-    poses = model.predict(whole.q, whole.covariates)
-    if not poses.reached.any():
-        return ()
-    readings, poses = Readings.of(whole.take(poses.reached), model.robot), poses[poses.reached]
-    return with_unknowns(readings.at(readings.start(poses)), poses).fitted
-
-
-def _unknowns(one: Instrument, known: dict[str, float]) -> Floats:
-    names = [unknown.name for unknown in one.unknowns]
-    for name in names:
-        if name not in known:
-            raise ModelError(f"the model does not know {name}", hint=CALIBRATED)
-    return np.array([known[name] for name in names])
 
 
 def whose(model: Model) -> str:

@@ -60,7 +60,7 @@ class GapPanel:
         self.larger = gui.add_slider("errors magnified", factor / 10.0, 5.0 * factor, factor / 10.0, factor)
         self.play = gui.add_checkbox("play", False, disabled=alone)
         self.message = gui.add_markdown("")
-        self.chosen.on_update(self._choose)
+        self.chosen.on_update(lambda _: setattr(self.place, "value", self.names.index(self.chosen.value) + 1))
         self.place.on_update(self._here)
         self.larger.on_update(self._scaled)
         self.play.on_update(self._played)
@@ -71,9 +71,6 @@ class GapPanel:
     def index(self) -> int:
         """Index of the shown pose among those of the gap."""
         return int(self.place.value) - 1
-
-    def _choose(self, _: object) -> None:
-        self.place.value = self.names.index(self.chosen.value) + 1
 
     def _here(self, _: object = None) -> None:
         i = self.index
@@ -144,7 +141,16 @@ class Scene:
         self.model, self.gap = model, gap
         self.robot = robot_as_modelled(model)
         self.posture: ClosedPosture = home(self.robot)
-        self.server = _serve(host, port)
+        try:
+            import viser
+        except ImportError:
+            raise GtpinError("3-D views need viser", hint="pip install 'gtpin[view]', or -o still.png") from None
+        try:
+            with redirect_stdout(StringIO()):  # viser prints messages
+                self.server: Any = viser.ViserServer(host=host, port=port, label="gtpin", verbose=False)
+        except OSError as error:
+            what = f"can't serve at {host}:{port} ({error.strerror or error})"
+            raise GtpinError(what, hint="give another --port") from None
         self._lock = threading.Lock()
         self._visualizer = self._load()
         self.labels = self._name_parts()
@@ -248,16 +254,3 @@ class Scene:
     def _named(self, _: object) -> None:
         for label in (*self.labels.values(), *(self.instruments.labels if self.instruments else ())):
             label.visible = self.names.value
-
-
-def _serve(host: str, port: int) -> Any:
-    try:
-        import viser
-    except ImportError:
-        raise GtpinError("3-D views need viser", hint="pip install 'gtpin[view]', or -o still.png") from None
-    try:
-        with redirect_stdout(StringIO()):  # viser prints messages
-            return viser.ViserServer(host=host, port=port, label="gtpin", verbose=False)
-    except OSError as error:
-        what = f"can't serve at {host}:{port} ({error.strerror or error})"
-        raise GtpinError(what, hint="give another --port") from None

@@ -71,7 +71,13 @@ def still(model: Model, gap: DrawnGap | None = None, instruments: Sequence[Fitte
     if places:
         q = standing(model) if worst is None else worst
         pose, size = model.kinematics.forward(q[None]), float(np.ptp(seen, axis=0).max())
-        seen = np.vstack([seen, draw_instruments(axes, places, pose, size, _joints(model, q, places))])
+        joints: dict[str, Floats] = {}  # (3,) where the joints that encoders read are, base frame, m
+        if places.encoders:
+            robot = robot_as_modelled(model)
+            data = robot.model.createData()
+            pin.forwardKinematics(robot.model, data, home(robot).moved_to(q).configuration)
+            joints = joint_places(robot, data, places.encoders.values())
+        seen = np.vstack([seen, draw_instruments(axes, places, pose, size, joints)])
     _frame(axes, machine, seen)
     return figure
 
@@ -95,16 +101,6 @@ def write_still(
         raise GtpinError("not an image that can be written", file=file, hint=f"end its name in {', '.join(FORMATS)}")
     with result_file(file, force=force) as new:
         still(model, gap, instruments).savefig(new, metadata={"Date": None} if file.suffix.lower() == ".svg" else None)
-
-
-def _joints(model: Model, q: Floats, places: InstrumentPlaces) -> dict[str, Floats]:
-    """(3,) where the joints that encoders read are at a command (n,), base frame, m."""
-    if not places.encoders:
-        return {}
-    robot = robot_as_modelled(model)
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, home(robot).moved_to(q).configuration)
-    return joint_places(robot, data, places.encoders.values())
 
 
 def _machine(axes: Any, machine: Skeleton, robot: Chain, share: Mapping[str, float]) -> None:

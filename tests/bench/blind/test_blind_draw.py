@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.bench.blind.draw import POWER_NONCENTRALITY, SHARES, Draft, drafts, made, measured, truth_of
+from gtpin.bench.blind.draw import POWER_NONCENTRALITY, SHARES, Draft, drafts, made, truth_of
 from gtpin.bench.blind.others import kind_of
 from gtpin.effects.catalogue import OWN
 
@@ -88,7 +88,7 @@ def test_another_machine_has_the_effects_that_its_parts_can_have() -> None:
 def test_cases_of_other_instruments_have_the_same_kinds_and_a_truth_without_sigma() -> None:
     plain, other = list(drafts(20, 4)), list(drafts(20, 4, instruments=("range",)))
     assert [(d.kind, d.effects, d.seed) for d in plain] == [(d.kind, d.effects, d.seed) for d in other]
-    case = measured(Draft("x", "one", 7, ("backlash",), 30, instruments=("range", "plane")))
+    case = made(Draft("x", "one", 7, ("backlash",), 30, instruments=("range", "plane")))
     truth = truth_of(case, "one")
     (effect,) = truth.effects
     assert truth.sigma is None
@@ -96,15 +96,15 @@ def test_cases_of_other_instruments_have_the_same_kinds_and_a_truth_without_sigm
     assert len(effect.displacement) == len(case.dataset) == sum(len(read.stop) for read in case.dataset.read)
     assert truth.poses is None  # of readings alone, nobody knows where the base is
     assert {one.name: np.shape(one.values) for one in truth.readings} == {"wire": (120, 1)}
-    seen = truth_of(measured(Draft("x", "none", 7, (), 30, instruments=("tracker",))), "none")
+    seen = truth_of(made(Draft("x", "none", 7, (), 30, instruments=("tracker",))), "none")
     assert seen.poses is not None
     assert seen.readings == ()
-    touched = truth_of(measured(Draft("x", "none", 7, (), 12, instruments=("plane",))), "none")
+    touched = truth_of(made(Draft("x", "none", 7, (), 12, instruments=("plane",))), "none")
     assert touched.poses is None
     assert touched.readings == ()
 
 
 @pytest.mark.slow
 def test_rough_cases_of_other_instruments_can_be_made() -> None:
-    case = measured(Draft("x", "rough", 11, instruments=("socket", "tilt")))
+    case = made(Draft("x", "rough", 11, instruments=("socket", "tilt")))
     assert {read.described["name"] for read in case.dataset.read} == {"cup", "level"}

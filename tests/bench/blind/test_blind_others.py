@@ -13,11 +13,12 @@ from gtpin.robot.library import load_robot
 
 def test_cases_are_found_with_their_truths(cases: Path) -> None:
     found = given(cases)
-    assert [c.name for c in found] == list("abcdefg")
-    assert [e.name for e in found[5].truth.effects] == ["linearity@cart1", "zero_shift@cart3"]
-    assert found[0].truth.poses is not None
-    assert len(found[0].truth.poses.pose) == 8
-    assert found[1].truth.poses is None
+    assert [place.name for place in found] == list("abcdefg")
+    truths = list(found.values())
+    assert [e.name for e in truths[5].effects] == ["linearity@cart1", "zero_shift@cart3"]
+    assert truths[0].poses is not None
+    assert len(truths[0].poses.pose) == 8
+    assert truths[1].poses is None
 
 
 @pytest.mark.parametrize(
@@ -105,6 +106,5 @@ def test_a_dataset_takes_its_own_robot_along(tmp_path: Path, small: Case) -> Non
 
 def test_a_dataset_that_can_not_be_read_is_left_to_its_diagnosis(cases: Path, tmp_path: Path) -> None:
     (cases / "c" / "dataset.toml").write_text("nonsense")
-    (case,) = [c for c in given(cases) if c.name == "c"]
-    take_in(case, tmp_path / "c")
+    take_in(cases / "c", tmp_path / "c")
     assert (tmp_path / "c" / "dataset.toml").read_text() == "nonsense"

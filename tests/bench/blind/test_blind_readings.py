@@ -16,7 +16,7 @@ from scipy.stats import chi2
 import gtpin.bench.blind.draw
 import gtpin.bench.blind.run
 from gtpin.bench.blind.difficulty import Difficulty
-from gtpin.bench.blind.draw import Draft, jitter, made, measured, recipe, truth_of, without_some_touches
+from gtpin.bench.blind.draw import Draft, jitter, made, recipe, truth_of, without_some_touches
 from gtpin.bench.blind.judge import judge
 from gtpin.bench.blind.judged import Judged
 from gtpin.bench.blind.run import check, check_given
@@ -40,7 +40,7 @@ def a_case(
 ) -> tuple[InstrumentCase, Truth]:
     """A case as a check makes it, written into a folder, and its truth."""
     draft = Draft("x", "one", seed, (effect,), poses, instruments=tuple(instruments), **more)
-    case, left_out = without_some_touches(measured(draft))
+    case, left_out = without_some_touches(made(draft))
     case.write_dataset(folder)
     for touches in left_out:
         touches.write(folder)
@@ -198,7 +198,7 @@ def test_what_is_predicted_of_touches_is_what_a_calibration_would_miss(tmp_path:
 @pytest.mark.slow
 def test_a_sixth_of_the_touches_is_left_out_and_nothing_that_reads() -> None:
     draft = Draft("x", "two", 7, ("backlash", "linearity"), 60, instruments=("range", "plane"))
-    whole = measured(draft)
+    whole = made(draft)
     case, (touches,) = without_some_touches(whole)
     wire, bed = case.gauges
     assert len(wire.stop) == len(whole.gauges[0].stop)
@@ -221,7 +221,7 @@ def test_a_touch_that_is_left_out_misses_by_what_the_machine_scattered() -> None
     whole = build_measured(loose, draft.instruments)
     _, (touches,) = without_some_touches(whole)
     (gauge,) = whole.gauges
-    own = gauge.kept(np.isin(whole.dataset.pose[gauge.stop], touches.columns["pose"]))
+    own = gauge.take(np.isin(whole.dataset.pose[gauge.stop], touches.columns["pose"]))
     moved = own.by_motion(whole.true[own.stop]) @ jitter(whole)[own.stop]
     sigma = np.sqrt(own.sigma**2 + (moved**2).sum(axis=2))
     assert np.median(sigma / own.sigma) > 2.0
@@ -232,7 +232,7 @@ def test_a_touch_that_is_left_out_misses_by_what_the_machine_scattered() -> None
 @pytest.mark.slow
 def test_all_touches_stay_where_an_encoder_reads_too() -> None:
     draft = Draft("x", "one", 7, ("backlash",), 20, instruments=("encoder", "plane"))
-    whole = measured(draft)
+    whole = made(draft)
     assert without_some_touches(whole) == (whole, ())
 
 
@@ -302,6 +302,6 @@ def test_no_effect_leaves_more_of_readings_than_there_is(wire_and_bed: tuple[Tru
 @pytest.mark.slow
 def test_energy_is_the_plants_where_nothing_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gtpin.bench.blind.draw.ONE_IN", 10_000)
-    whole = measured(Draft("x", "one", 7, ("backlash",), 60, instruments=("range", "socket")))
+    whole = made(Draft("x", "one", 7, ("backlash",), 60, instruments=("range", "socket")))
     case, _ = without_some_touches(whole)
     assert case.effects[0].noncentrality == pytest.approx(whole.effects[0].noncentrality, rel=0.01)

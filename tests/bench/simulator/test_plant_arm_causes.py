@@ -152,7 +152,7 @@ def test_links_grow_between_their_joints_and_the_last_to_the_tcp() -> None:
     warm = day.link_at(time) - day.link[0]
     bodies, bending = PLANT.machine.bodies(now.q, cause("seven", "thermal_links", "arm")(now))
     cold = now.bodies
-    ends = [*(bodies.p[:, j] for j in ARM.way[1:]), bodies.at(PLANT.machine.tcp, bending).T]
+    ends = [*(bodies.p[:, j] for j in ARM.way[1:]), bodies.at(PLANT.machine.true.tcp, bending).T]
     before = [*(cold.p[:, j] for j in ARM.way[1:]), now.tcp.T]
     for place, j in enumerate(ARM.way):
         if place + 1 < len(ARM.way) and ARM.joints[ARM.way[place + 1]].slides:

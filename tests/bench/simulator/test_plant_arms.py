@@ -12,10 +12,9 @@ import gtpin
 from gtpin.bench.simulator import make_case
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
-from gtpin.bench.simulator.loops import Loops
 from gtpin.bench.simulator.poses import exp, log
 from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
-from gtpin.bench.simulator.tree import moved, read_urdf
+from gtpin.bench.simulator.tree import TreeFrame, moved, read_urdf
 
 ROBOT, ARM = nominal("seven")
 
@@ -39,9 +38,11 @@ def test_a_mimicking_joint_follows_and_one_that_is_not_commanded_rests() -> None
         + "</robot>"
     )
     tree = read_urdf(xml)
-    none = np.zeros((0, 3, 3))
-    loops = Loops(tree.joints, (0,), (), (), (), none, none, tree.links["c"], np.zeros(1), np.zeros(3))
-    machine = ArmMachine.of(Arm("m", loops, np.zeros(3), np.full(6, 5e-4)))
+    none, zeros = np.zeros((0, 3, 3)), np.zeros(3)
+    arm = Arm(
+        "m", tree.joints, tree.links["c"], (0,), (), (), (), none, none, zeros[:1], zeros, zeros, np.full(6, 5e-4)
+    )
+    machine = ArmMachine.of(arm)
     q = np.array([[0.4]])
     np.testing.assert_allclose(machine.bodies(q)[0].x, [[0.4, -0.5, 0.0]])
     angle = 0.4 - 0.5
@@ -105,6 +106,6 @@ def test_a_case_of_an_arm_is_made_again_the_same_and_asks_for_what_it_can_have(t
 def test_a_placement_moves_by_the_exponential_of_its_twist(size: float) -> None:
     twist = size * np.array([0.3, -0.5, 0.2, 0.6, 0.1, -0.7])
     R, p = exp([0.2, 0.4, 1.0]), np.array([0.1, 0.2, -0.4])
-    expected, found = pin.SE3(R, p) * pin.exp6(twist), moved(R, p, twist)
-    np.testing.assert_allclose(found[0], expected.rotation, atol=1e-14)
-    np.testing.assert_allclose(found[1], expected.translation, atol=1e-13)
+    expected, found = pin.SE3(R, p) * pin.exp6(twist), moved(TreeFrame(-1, R, p), twist)
+    np.testing.assert_allclose(found.R, expected.rotation, atol=1e-14)
+    np.testing.assert_allclose(found.p, expected.translation, atol=1e-13)

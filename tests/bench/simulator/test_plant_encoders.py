@@ -9,7 +9,7 @@ from plant_machines import FIVE_BAR
 from typer.testing import CliRunner
 
 import gtpin
-from gtpin.bench.blind.draw import drafts, measured, truth_of
+from gtpin.bench.blind.draw import drafts, made, truth_of
 from gtpin.bench.blind.judge import judge
 from gtpin.bench.blind.truth import digest_of, seal
 from gtpin.bench.blind.worker import Outcome
@@ -136,7 +136,7 @@ def test_what_moves_the_measurement_frame_has_no_energy_in_an_encoder_s_readings
 
 def test_a_blind_check_of_encoders_seals_their_true_readings() -> None:
     draft = next(d for d in drafts(12, 0, str(FIVE_BAR), ("encoder",)) if d.kind == "one")
-    truth = truth_of(measured(draft), draft.kind)
+    truth = truth_of(made(draft), draft.kind)
     assert truth.poses is None
     assert [read.name for read in truth.readings] == ["encoder"]
 
@@ -156,7 +156,7 @@ def test_a_scenario_s_five_bar_is_read_by_an_encoder_and_robots_without_such_joi
 
 def test_predicted_readings_that_are_off_by_full_turns_are_right(tmp_path: Path) -> None:
     draft = next(d for d in drafts(12, 0, str(FIVE_BAR), ("encoder",)) if d.kind == "none")
-    case, place = measured(draft), tmp_path / "it"
+    case, place = made(draft), tmp_path / "it"
     case.write_dataset(place)
     truth = truth_of(case, draft.kind)
     seal(truth, place, tmp_path / "it.json")

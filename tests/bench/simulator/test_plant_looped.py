@@ -24,7 +24,7 @@ def by_pinocchio(machine: ArmMachine) -> Kinematics:
     geometry = gtpin.Geometry.nominal(gtpin_robot(machine))
     places = [*(f"placement[{machine.robot.joints[j].name}]" for j in machine.robot.placed), "platform"]
     twists = dict(zip(places, [*machine.twists, machine.tool], strict=True))
-    twists |= {f"anchor[{end}]": off for end, off in zip(machine.robot.loops.ends, machine.ends, strict=True)}
+    twists |= {f"anchor[{end}]": off for end, off in zip(machine.robot.ends, machine.ends, strict=True)}
     values = [
         twists[name.rpartition(".")[0]][["x", "y", "z", "rx", "ry", "rz"].index(name.rpartition(".")[2])]
         for name in geometry.names
@@ -73,7 +73,7 @@ def test_poses_of_a_drawn_machine_are_pinocchio_s_and_so_are_their_derivatives(n
     own = machine.by_tolerance(q, found)
     geometry = theirs.geometry
     placed = [*(f"placement[{machine.robot.joints[j].name}]" for j in machine.robot.placed), "platform"]
-    ends = [f"anchor[{end}]" for end in machine.robot.loops.ends]
+    ends = [f"anchor[{end}]" for end in machine.robot.ends]
     order = [f"{place}.{axis}" for place in placed for axis in ("x", "y", "z", "rx", "ry", "rz")]
     order += [f"{end}.{axis}" for end in ends for axis in "xyz"]
     theirs_by = theirs.geometry_jacobian(q, theirs.forward(q)) * geometry.tolerance
@@ -104,7 +104,7 @@ def test_a_drive_bears_what_the_energy_of_all_weights_and_of_the_push_changes_by
 @pytest.mark.parametrize("name", LOOPED)
 def test_what_followers_bear_about_their_own_axes_is_nothing(name: str) -> None:
     now = a_plant(name).ideal
-    for j in now.machine.loops.passive:
+    for j in now.machine.robot.passive:
         assert np.abs(now._along(j, *now._loads)).max() < 1e-9
 
 
@@ -134,10 +134,10 @@ def test_a_joint_that_is_off_is_one_that_is_commanded_or_placed_elsewhere(name: 
         assert off(at, machine.predict(q + 1e-3 * np.eye(machine.n_carts)[c])) < 1e-10
         shift = np.array([1e-3, -2e-3, 5e-4])
         shifted.axis[:, c, :3] = shift
-        joint = machine.joints[j]
-        other = (*machine.joints[:j], replace(joint, p=joint.p + joint.R @ shift), *machine.joints[j + 1 :])
+        joint = machine.true.joints[j]
+        other = (*machine.true.joints[:j], replace(joint, p=joint.p + joint.R @ shift), *machine.true.joints[j + 1 :])
         at = machine.bodies(q, shifted, near)[0].at(machine.seen)
-        elsewhere = replace(machine.robot, loops=replace(machine.loops, joints=other, tcp=machine.tcp))
+        elsewhere = replace(machine.true, joints=other)
         assert off(at, ArmMachine.of(elsewhere).predict(q)) < 1e-10
 
 
@@ -148,7 +148,7 @@ def test_what_sits_beside_a_link_s_end_moves_with_it_as_one_body() -> None:
     turn = np.array([1e-3, 2e-3, -5e-4])
     bent = machine.unbent(len(q))
     bent.tip[:, 0] = np.concatenate([[1e-4, -2e-4, 3e-4], turn])
-    names = [joint.name for joint in machine.joints]
+    names = [joint.name for joint in machine.true.joints]
     found, bending = machine.bodies(q, bent, near)
     a, b, plate = names.index("shoulder"), names.index("follow"), names.index("top")
     np.testing.assert_allclose(
@@ -179,7 +179,7 @@ def test_commands_are_all_over_the_ranges_where_the_loops_lead_the_tcp_well(name
     half = (machine.robot.upper - machine.robot.lower) / 2.0
     assert (np.abs(q - (machine.robot.upper + machine.robot.lower) / 2.0) <= half).all()
     assert (np.ptp(q, axis=0) > half).all()
-    home = np.linalg.norm(machine.command_jacobian(home_q := machine.robot.loops.home_q[None], machine.predict(home_q)))
+    home = np.linalg.norm(machine.command_jacobian(home_q := machine.robot.home_q[None], machine.predict(home_q)))
     assert (np.linalg.norm(machine.command_jacobian(q, machine.predict(q)), axis=(1, 2)) <= 1.5 * home).all()
     assert (np.abs(machine.places(q)) <= 0.8 + 1e-9).all()
 

@@ -109,7 +109,7 @@ def test_two_effects_together_do_what_they_do_one_by_one() -> None:
 
 def test_held_out_truth_is_the_machine_s_own_pose_with_its_effects() -> None:
     case = make_case(2, effects=[("encoder_scale", "cart2")], noncentrality=3000.0)
-    off = case.truth.minus(case.machine.kinematics.predict(case.commands.q))
+    off = case.truth.minus(case.machine.predict(case.commands.q))
     steep = np.polyfit(case.commands.q[:, 1], off[:, 0], 1)[0]
     assert abs(steep) > 1e-5
     assert np.abs(off[:, :3]).max() < 2e-3

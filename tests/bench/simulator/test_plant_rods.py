@@ -39,7 +39,7 @@ def test_derivatives_are_differences_of_the_poses(name: str) -> None:
     geometry = gtpin.Geometry.nominal(gtpin.load_robot(name))
     rods, q, step = Rods(geometry), commands(geometry.robot, 3), 1e-6
     poses = rods.predict(q)
-    by_command, by_geometry = rods.command_jacobian(q, poses), rods.geometry_jacobian(q, poses)
+    by_command, by_geometry = rods.command_jacobian(q, poses), rods.answer(q, poses, rods.changed(q))
     for i in range(geometry.robot.n_actuators):
         h = step * np.eye(geometry.robot.n_actuators)[i]
         slope = rods.predict(q + h).minus(rods.predict(q - h)) / (2.0 * step)

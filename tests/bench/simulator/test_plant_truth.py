@@ -12,6 +12,7 @@ from scipy import stats
 from gtpin.bench.simulator import Case, digest, draw_case, make_case
 from gtpin.bench.simulator.case import bulk_recipe, drawn_recipe
 from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
+from gtpin.bench.simulator.rods import Rods
 from gtpin.data import Commands, Dataset
 from gtpin.errors import GtpinError
 from gtpin.kinematics.rotations import from_quaternions, log
@@ -28,7 +29,7 @@ def whole_energy(case: Case, displacement: np.ndarray) -> float:
     for j, tolerance in enumerate(geometry.tolerance):
         step = np.zeros(len(geometry.values))
         step[j] = 1e-2 * tolerance
-        moved = [type(machine.kinematics)(geometry.with_values(geometry.values + s * step)) for s in (1, -1)]
+        moved = [Rods(geometry.with_values(geometry.values + s * step)) for s in (1, -1)]
         there, back = (kinematics.predict(q) for kinematics in moved)
         columns.append((there.minus(back) / 2e-2 / sigma).ravel())
     B = np.array(columns).T
@@ -72,7 +73,7 @@ def test_weak_others_are_weak_and_weaker_where_nothing_else_is() -> None:
 @pytest.mark.slow
 def test_all_that_a_null_adds_to_the_geometry_is_weak_and_some_micrometres_of_repeatability() -> None:
     case = make_case(3, n_effects=0)
-    off = case.true.minus(case.machine.kinematics.predict(case.visits.q))
+    off = case.true.minus(case.machine.predict(case.visits.q))
     assert whole_energy(case, off) < 0.35 * 6 * len(off)
     assert np.sqrt((off[:, :3] ** 2).sum(axis=1).mean()) < 60e-6
 

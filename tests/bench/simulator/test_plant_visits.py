@@ -92,7 +92,7 @@ def test_commands_are_rounded_in_range_and_keep_the_tcp_in_its_box() -> None:
     robot = MACHINE.robot
     assert np.abs(way.q * 1e6 - np.round(way.q * 1e6)).max() < 1e-6
     assert ((way.q >= robot.lower) & (way.q <= robot.upper)).all()
-    T = MACHINE.kinematics.predict(way.q).T
+    T = MACHINE.predict(way.q).T
     assert np.isfinite(T).all()
     assert (np.ptp(T, axis=0) > [0.85, 0.55, 0.5]).all()
     assert (np.ptp(T, axis=0) < [1.0, 0.7, 0.65]).all()

@@ -63,47 +63,33 @@ class CauseKind:
     # Largest amplitude, in typical sizes: no machine has a larger error, even where the effect then has little energy
     largest: float = 20.0
     periodic: bool = False  # Whether ``draw`` also takes the numbers of periods a turn of its lines
-    newer: bool = (
-        False  # Newer than the published cases: a seed draws it into no case and not beside one; made if asked for
-    )
+    # Newer than the published cases: a seed draws it into no case and not beside one; made if asked for
+    newer: bool = False
 
     def sites(self, robot: Chain | Arm) -> tuple[str, ...]:
-        """Names of the sites of a robot at which it can occur; empty where there are none."""
+        """Names of the sites of a robot at which it can occur: parts that move the TCP; empty where there are none."""
         if isinstance(robot, Arm):
-            return self._on_arm(robot)
-        if self.where == "carts":
-            return robot.sites
-        if self.where in ("guides", "turning"):
-            moving = [rod.carrier for rod in robot.rods if rod.carrier is not None]
-            carriers = [carrier for carrier in moving if not robot.revolute[carrier]]
-            if self.where == "turning" and len(set(carriers)) == len(carriers):
-                return ()
-            return tuple(site for i, site in enumerate(robot.sites) if i in carriers)
-        if self.where in ("links", "arm"):
-            return robot.rod_sites if self.where == "links" else ("arm", *robot.rod_sites)
-        return (self.where,)
-
-    def _on_arm(self, robot: Arm) -> tuple[str, ...]:
-        """Sites of an arm, without joints and links that do not move the TCP."""
-        if self.where == "pins":
-            return robot.pin_sites
-        if self.where in ("joints", "coupled"):
-            alone = self.where == "coupled" and len(robot.acting) < 2
-            return () if alone else tuple(robot.sites[c] for c in robot.acting)
-        if self.where in ("links", "arm"):
-            links = tuple(robot.link_sites[c] for c in robot.linked)
-            return links if self.where == "links" else ("arm", *links) if links else ()
-        return (self.where,)
+            joints, links = (
+                tuple(robot.sites[c] for c in robot.acting),
+                tuple(robot.link_sites[c] for c in robot.linked),
+            )
+            alone: dict[str, tuple[str, ...]] = {"joints": joints, "coupled": joints if len(joints) > 1 else ()}
+            found = {**alone, "links": links, "arm": ("arm", *links) if links else (), "pins": robot.pin_sites}
+        else:
+            carriers = [
+                rod.carrier for rod in robot.rods if rod.carrier is not None and not robot.revolute[rod.carrier]
+            ]
+            guides = tuple(site for i, site in enumerate(robot.sites) if i in carriers)
+            turning = guides if len(set(carriers)) < len(carriers) else ()
+            carts = {"carts": robot.sites, "guides": guides, "turning": turning}
+            found = {**carts, "links": robot.rod_sites, "arm": ("arm", *robot.rod_sites)}
+        return found.get(self.where, (self.where,))
 
     def at(self, robot: Chain | Arm, site: str, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:
-        """Draw the error of one machine at a site.
+        """Draw the error of one machine at a site, with given periods where it is :attr:`periodic`.
 
-        Raises GtpinError if the error can't occur at the site, or ``periods`` are given and it has none.
+        Raises GtpinError if the error can't occur at the site.
         """
         if site not in self.sites(robot):
             raise GtpinError(f"{self.name} can't be at {site!r}", hint=f"use {', '.join(self.sites(robot))}")
-        if not periods:
-            return self.draw(Site.of(robot, site), rng)
-        if not self.periodic:
-            raise GtpinError(f"{self.name} has no periods that can be given", hint="leave them out")
-        return self.draw(Site.of(robot, site), rng, periods)
+        return self.draw(Site.of(robot, site), rng, *((periods,) if periods else ()))

@@ -51,11 +51,9 @@ def target_drift(site: Site, rng: np.random.Generator) -> Cause:
 def target_shift(site: Site, rng: np.random.Generator) -> Cause:
     """A target that is put back on its nest in each session, 40 um elsewhere along each axis; it creeps a little."""
     shifts, creep = 4e-5 * rng.standard_normal((20, 3)), curve(rng, 0.0, 1.0, 0.3, "twice")
-
-    def cause(now: Postures) -> Deviation:
-        return now.off(target=(..., shifts[now.visits.session] * (1.0 + 0.05 * creep(now.visits.phase))[:, None]))
-
-    return cause
+    return lambda now: now.off(
+        target=(..., shifts[now.visits.session] * (1.0 + 0.05 * creep(now.visits.phase))[:, None])
+    )
 
 
 def frame_shift(site: Site, rng: np.random.Generator) -> Cause:

@@ -117,34 +117,27 @@ LOOPED_UNLISTED = pushed((*ARM_UNLISTED, CauseKind("worn_pin", "pins", outside.w
 """Unlisted effects of robots whose loops are not rods."""
 
 
-def possible(kinds: tuple[CauseKind, ...], robot: Chain | Arm) -> tuple[CauseKind, ...]:
-    """Those of some kinds that can occur on a robot."""
-    return tuple(kind for kind in kinds if kind.sites(robot))
-
-
 def _known(robot: Chain | Arm) -> tuple[tuple[CauseKind, ...], tuple[CauseKind, ...]]:
     if not isinstance(robot, Arm):
         return CATALOGUE, UNLISTED
-    return (LOOPED_CATALOGUE, LOOPED_UNLISTED) if robot.loops.pairs else (ARM_CATALOGUE, ARM_UNLISTED)
+    return (LOOPED_CATALOGUE, LOOPED_UNLISTED) if robot.pairs else (ARM_CATALOGUE, ARM_UNLISTED)
 
 
 def listed(robot: Chain | Arm) -> tuple[CauseKind, ...]:
     """Kinds of error of the catalogue that can occur on a robot."""
-    return possible(_known(robot)[0], robot)
+    return tuple(kind for kind in _known(robot)[0] if kind.sites(robot))
 
 
 def unlisted(robot: Chain | Arm) -> tuple[CauseKind, ...]:
     """Unlisted kinds of error that can occur on a robot."""
-    return possible(_known(robot)[1], robot)
+    return tuple(kind for kind in _known(robot)[1] if kind.sites(robot))
 
 
 def kind(name: str, robot: Chain | Arm) -> CauseKind:
-    """The kind of error with a name, on a robot. Raises GtpinError if the robot has no such kind."""
-    known = [one for kinds in _known(robot) for one in kinds]
-    for one in known:
-        if one.name == name:
-            return one
-    others = {k.name for k in (*CATALOGUE, *UNLISTED, *LOOPED_CATALOGUE, *LOOPED_UNLISTED)}
-    if name in others:
+    """The kind of error with a name, on a robot. Raises GtpinError if it can't occur on the robot, or none has this name."""
+    known = {one.name: one for kinds in _known(robot) for one in kinds}
+    if name in known and known[name].sites(robot):
+        return known[name]
+    if name in {k.name for k in (*CATALOGUE, *UNLISTED, *LOOPED_CATALOGUE, *LOOPED_UNLISTED)}:
         raise GtpinError(f"{name} can't be on {robot.name}", hint="choose what the robot's parts can have")
-    raise GtpinError(f"no effect is called {name!r}", hint=f"known here: {', '.join(k.name for k in known)}")
+    raise GtpinError(f"no effect is called {name!r}", hint=f"known here: {', '.join(known)}")

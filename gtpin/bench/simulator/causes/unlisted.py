@@ -20,7 +20,7 @@ def hose_drag(site: Site, rng: np.random.Generator) -> Cause:
     stiffer = Field.draw(rng, [0.4] * 3)
 
     def cause(now: RodSituation) -> Deviation:
-        from_home = now.poses.T - now.machine.kinematics.home.T[0]
+        from_home = now.poses.T - now.machine.home.T[0]
         lever = now.poses.R @ seat
         way = anchor - from_home - lever
         force = stiffness * way * (1.0 + 0.2 * stiffer(from_home))[:, None]
@@ -267,7 +267,7 @@ def worn_pin(site: Site, rng: np.random.Generator) -> Cause:
     worn, way = rng.uniform(0.1, 0.5), rng.uniform(0.0, 2.0 * np.pi)
 
     def cause(now: ArmSituation) -> Deviation:
-        axis = now.machine.joints[site.pin].axis
+        axis = now.machine.true.joints[site.pin].axis
         force, scale = now.carried_by(site.pin)[0], now.machine.robot.capacity * 9.81
         pressed = np.einsum("nji,nj->ni", now.bodies.seats[:, site.pin], force) @ across(axis).T
         size = np.linalg.norm(pressed, axis=1)

@@ -14,13 +14,10 @@ from gtpin.typing import Floats
 def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
     """100 ppm of the travel, some of them not constant along the track."""
     uneven, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.015, 0.05)
-    sign = rng.choice([-1.0, 1.0])
-
-    def cause(now: RodSituation) -> Deviation:
-        q, zoom = now.q[:, site.cart], now.machine.zoom[site.cart]
-        return now.driven(site.cart, sign * 1e-4 * (q + part * 0.35 / zoom * uneven(now.places[:, site.cart])))
-
-    return cause
+    sign, cart = rng.choice([-1.0, 1.0]), site.cart
+    return lambda now: now.driven(
+        cart, sign * 1e-4 * (now.q[:, cart] + part * 0.35 / now.machine.zoom[cart] * uneven(now.places[:, cart]))
+    )
 
 
 def linearity(site: Site, rng: np.random.Generator, size: float = 3e-5) -> Cause:

@@ -16,13 +16,8 @@ from gtpin.typing import Floats
 def encoder_scale(site: Site, rng: np.random.Generator) -> Cause:
     """100 ppm of the coordinate, some of them not constant: pitch of a belt, or lost counts."""
     uneven, part = curve(rng, -REACH, REACH, 0.3), rng.uniform(0.01, 0.03)
-    sign = rng.choice([-1.0, 1.0])
-
-    def cause(now: ArmSituation) -> Deviation:
-        q, place = now.q[:, site.cart], now.places[:, site.cart]
-        return now.off(travel=(site.cart, sign * 1e-4 * (q + part * uneven(place))))
-
-    return cause
+    sign, cart = rng.choice([-1.0, 1.0]), site.cart
+    return lambda now: now.off(travel=(cart, sign * 1e-4 * (now.q[:, cart] + part * uneven(now.places[:, cart]))))
 
 
 def rack_periodic(site: Site, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:
@@ -123,7 +118,7 @@ def axis_motion(site: Site, rng: np.random.Generator) -> Cause:
 
     def cause(now: ArmSituation) -> Deviation:
         cart, machine = site.cart, now.machine
-        q, own = now.q[:, cart] + phase, machine.joints[machine.robot.counted[cart]].axis
+        q, own = now.q[:, cart] + phase, machine.true.joints[machine.robot.counted[cart]].axis
         circle = np.column_stack([np.cos(q), np.sin(q)])
         slides = machine.robot.slides[cart]
         values = np.column_stack([c(now.places[:, cart]) for c in curves] if slides else [f(circle) for f in fields])
@@ -150,7 +145,7 @@ def bearing_compliance(site: Site, rng: np.random.Generator) -> Cause:
     def cause(now: ArmSituation) -> Deviation:
         cart, machine = site.cart, now.machine
         j, usual = machine.robot.counted[cart], machine.usual_load(cart)
-        own = machine.joints[j].axis
+        own = machine.true.joints[j].axis
         moment = np.einsum("nji,nj->ni", now.bodies.seats[:, j], now.borne(cart)[1])
         carried = moment @ across(own).T / usual
         carried = carried + mixed * carried[:, ::-1]
@@ -234,7 +229,7 @@ def _beam(
     end = machine.robot.next_frame(j).p
     length = machine.robot.length(j)
     spans = float(np.linalg.norm(end)) > 1e-3
-    u = end / np.linalg.norm(end) if spans else machine.joints[j].axis
+    u = end / np.linalg.norm(end) if spans else machine.true.joints[j].axis
     force, moment = now.tip_load(link)
     weight = np.einsum("nji,j->ni", now.bodies.R[:, j], WEIGHT * machine.masses[j] * machine.robot.gravity)
     force = force + weight

@@ -11,7 +11,7 @@ from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.build import drawn_machine, known_robot, reference
 from gtpin.bench.simulator.instruments.gauge import Gauge, Layout
 from gtpin.bench.simulator.instruments.readers import READERS, VirtualRange, VirtualTracker
-from gtpin.bench.simulator.instruments.touch import TOUCHED, DayWay, PlainWay, begun, circles, felt
+from gtpin.bench.simulator.instruments.touch import TOUCHED, begun, circles, felt, motion_of
 from gtpin.bench.simulator.machine import Moved
 from gtpin.bench.simulator.noncentrality import Past, Response, effects_of
 from gtpin.bench.simulator.poses import VirtualPoses
@@ -150,15 +150,22 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
     strong, _, weak, _ = effects_of(recipe, response, every, past, streams[2])
     jitter = machine.jitter(repeatability, len(visits), streams[3])
     missed = [errors(gauge, noise, seed) for gauge in gauges]
-    way, good = felt(DayWay(response, [*strong, *weak], jitter), gauges, missed)
+    active = [*strong, *weak]
+
+    def motion(q: Floats) -> tuple[VirtualPoses, Floats]:
+        nonlocal response
+        response = response.at(q)
+        return response.seen(active, jitter), response.by_command()[:, :6]
+
+    q, good = felt(motion, visits.q, gauges, missed)
+    response = response.at(q)
     touching = sum(len(gauge.stop) for gauge in gauges if gauge.touches)
     if touching and (~good).sum() > MOST * touching:
         raise GtpinError("the machine misses most of its touches", hint="make the effects smaller")
     missed = [error[good[gauge.stop]] for gauge, error in zip(gauges, missed, strict=True)]
-    gauges = [gauge.kept(good[gauge.stop]) for gauge in gauges]
-    response, active = way.response, way.active
+    gauges = [gauge.take(good[gauge.stop]) for gauge in gauges]
     visits, held = response.visits, np.flatnonzero(response.visits.held)
-    steady, tracker = response.seen(active), _tracker(gauges)
+    true, steady, tracker = response.seen(active, jitter), response.seen(active), _tracker(gauges)
     rows, past = np.concatenate([gauge.stop for gauge in gauges]), _past(response, gauges, repeatability)
     truths = []
     for want, (cause, amplitude) in zip(recipe.wanted, strong, strict=True):
@@ -173,17 +180,16 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
             pose=ids(visits.pose),
             q=visits.q,
             covariates=visits.columns(recipe.conditions),
-            read=_read(way.poses, gauges, missed),
+            read=_read(true, gauges, missed),
         ),
         commands=Commands(ids(np.arange(len(held))), visits.q[held], visits.take(held).columns(recipe.conditions)),
         truth=(tracker.seen(steady, tracker.truth) if tracker else response.settled(active)[0].poses)[held],
         effects=tuple(sorted(truths, key=lambda truth: -truth.noncentrality)),
         machine=machine,
-        true=way.poses,
+        true=true,
         recipe=recipe,
         gauges=tuple(gauges),
         steady=steady,
-        geometry=machine.parameters,
         repeatability=repeatability,
         held=held_readings(gauges, steady[held]),
     )
@@ -260,10 +266,9 @@ def simulate_measured(
         q = np.vstack([q, own_q])
     gauges = [found[kind] for kind in kinds]
     missed = [errors(gauge, noise, seed) for gauge in gauges]
-    way, _ = felt(PlainWay(machine, q), gauges, missed)
+    q, _ = felt(motion_of(machine), q, gauges, missed)
     held = draw_commands(machine, held_out, rng)
-    truth, tracker = machine.predict(held), _tracker(gauges)
-    geometry = machine.geometry
+    true, truth, tracker = machine.predict(q), machine.predict(held), _tracker(gauges)
     return InstrumentCase(
         name=f"case{seed:05d}",
         dataset=Tables(
@@ -271,19 +276,18 @@ def simulate_measured(
             tcp=tcp,
             reference_temperature=20.0,
             pose=ids(pose),
-            q=way.q,
+            q=q,
             covariates={},
-            read=_read(way.poses, gauges, missed),
+            read=_read(true, gauges, missed),
         ),
         commands=Commands(ids(np.arange(held_out)), held),
         truth=tracker.seen(truth, tracker.truth) if tracker else truth,
         effects=(),
         machine=machine,
-        true=way.poses,
+        true=true,
         recipe=None,
         gauges=tuple(gauges),
-        steady=way.poses,  # a machine without effects returns exactly
-        geometry=dict(zip(geometry.names, geometry.deviation.tolist(), strict=True)),
+        steady=true,  # a machine without effects returns exactly
         repeatability=np.zeros(robot.n_actuators),
         held=held_readings(gauges, truth),
     )

@@ -134,15 +134,10 @@ class Gauge(ABC):
         sigma = np.tile(np.median(self.sigma, axis=0), (count, 1))
         return replace(self, stop=np.arange(count), sigma=sigma, **turns)
 
-    def kept(self, rows: Mask) -> Self:
-        """The instrument with only some of its rows; ``rows`` (M,) is a mask."""
+    def take(self, rows: Ints | Mask) -> Self:
+        """The instrument with some of its rows, by their indices or a mask."""
         changed: dict[str, Any] = {name: getattr(self, name)[rows] for name in ("stop", "sigma", *self.by_row)}
         return replace(self, **changed)
-
-    def all_like(self, row: int, count: int) -> Self:
-        """The instrument with ``count`` rows that all read as row ``row``, each at its own stop."""
-        same: dict[str, Any] = {name: np.full(count, getattr(self, name)[row]) for name in self.by_row}
-        return replace(self, stop=np.arange(count), sigma=np.tile(self.sigma[row], (count, 1)), **same)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from gtpin.bench.simulator.causes.cause import Cause
 from gtpin.bench.simulator.instruments.gauge import (
     ONE,
     THREE,
@@ -21,8 +19,7 @@ from gtpin.bench.simulator.instruments.gauge import (
     drawn_targets,
     hidden,
 )
-from gtpin.bench.simulator.machine import Deviation, Moved
-from gtpin.bench.simulator.noncentrality import Response
+from gtpin.bench.simulator.machine import Moved
 from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.errors import UnreachableError
 from gtpin.typing import Floats, Ints, Mask
@@ -142,57 +139,21 @@ SINGULAR = 1e-3
 """Singular values of the readings' derivative by the commands below this share of the largest count as zero."""
 
 
-@dataclass(frozen=True, eq=False)
-class PlainWay:
-    """A machine without effects at N stops with commands q (N, n)."""
-
-    machine: Moved
-    q: Floats
-
-    @cached_property
-    def poses(self) -> VirtualPoses:
-        """(N) true poses of the TCP as instruments measure them, base frame; NaN out of reach."""
-        return self.machine.predict(self.q)
-
-    def by_command(self) -> Floats:
-        """(N, 6, n) derivative of the poses, position and rotation vector, base frame, by the commands; without effects."""
-        found = np.full((len(self.q), 6, self.q.shape[1]), np.nan)
-        there = self.poses.reached
-        found[there] = self.machine.command_jacobian(self.q[there], self.poses[there])
-        return found
-
-    def at(self, q: Floats) -> PlainWay:
-        """The same stops with other commands q (N, n), near the present ones."""
-        return replace(self, q=q)
+Motion = Callable[[Floats], tuple[VirtualPoses, Floats]]
+"""At commands q (N, n) of all stops: the TCP's poses (N) as instruments measure them, base frame, NaN out of reach; and their
+derivative (N, 6, n) by the commands, position and rotation vector, without effects."""
 
 
-@dataclass(frozen=True, eq=False)
-class DayWay:
-    """A machine with effects over a day, as :class:`PlainWay`."""
+def motion_of(machine: Moved) -> Motion:
+    """The motion of a machine without effects."""
 
-    response: Response  # The machine and its visits, which are the stops, in the order of time
-    active: Sequence[tuple[Cause, float]]  # Its effects, with their amplitudes
-    jitter: Deviation  # Random deviations by the repeatability, at every visit
+    def motion(q: Floats) -> tuple[VirtualPoses, Floats]:
+        poses, by_command = machine.predict(q), np.full((len(q), 6, q.shape[1]), np.nan)
+        there = poses.reached
+        by_command[there] = machine.command_jacobian(q[there], poses[there])
+        return poses, by_command
 
-    @property
-    def q(self) -> Floats:
-        return self.response.visits.q
-
-    @cached_property
-    def poses(self) -> VirtualPoses:
-        return self.response.seen(self.active, self.jitter)
-
-    def by_command(self) -> Floats:
-        return self.response.by_command()[:, :6]
-
-    def at(self, q: Floats) -> DayWay:
-        # The starts of the last moves shift with the commands, so that directions of approach do not change.
-        visits = self.response.visits
-        moved = replace(visits, q=q, before=visits.before + (q - visits.q))
-        return replace(self, response=replace(self.response, visits=moved))
-
-
-Way = TypeVar("Way", PlainWay, DayWay)
+    return motion
 
 
 def begun(
@@ -209,36 +170,35 @@ def begun(
     asked = np.column_stack([getattr(gauge, name) for name in gauge.by_row])
     alike, which = np.unique(asked, axis=0, return_inverse=True)
     found = np.empty((len(gauge.stop), pool.shape[1]))
-    there = machine.predict(pool)
+    there, motion = machine.predict(pool), motion_of(machine)
     lower, upper = ranges
     room = np.where(np.isfinite(upper - lower), ROOM * (upper - lower), 0.0)
     for i in range(len(alike)):
         rows = np.flatnonzero(which.ravel() == i)
-        every = gauge.all_like(int(rows[0]), len(pool))
-        misses = np.linalg.norm(every.readings(there, gauge.truth), axis=1)
+        misses = np.linalg.norm(gauge.take(np.full(len(pool), rows[0])).readings(there, gauge.truth), axis=1)
         nearest = np.argsort(misses)[: SPARE * len(rows)]
-        some = gauge.all_like(int(rows[0]), len(nearest))
-        solved, good = felt(PlainWay(machine, pool[rng.permutation(nearest)]), [some], [np.zeros_like(some.sigma)])
-        good &= ((solved.q >= lower + room) & (solved.q <= upper - room)).all(axis=1)
+        some = replace(gauge.take(np.full(len(nearest), rows[0])), stop=np.arange(len(nearest)))
+        solved, good = felt(motion, pool[rng.permutation(nearest)], [some], [np.zeros_like(some.sigma)])
+        good &= ((solved >= lower + room) & (solved <= upper - room)).all(axis=1)
         if good.sum() < len(rows):
             hint = "use an instrument that needs no touch, or a robot that can move its target in three directions"
             raise UnreachableError(f"the target does not get to all of {gauge.name}'s {gauge.kind}s", hint=hint)
-        found[rows] = solved.q[good][: len(rows)]
+        found[rows] = solved[good][: len(rows)]
     return found
 
 
-def felt(way: Way, gauges: Sequence[Gauge], errors: Sequence[Floats]) -> tuple[Way, Mask]:
-    """The stops of ``way`` with commands solved so that the touched ones of some instruments are touched, and (N,) which of
-    them are; other stops are unchanged.
+def felt(motion: Motion, q: Floats, gauges: Sequence[Gauge], errors: Sequence[Floats]) -> tuple[Floats, Mask]:
+    """Commands (N, n) near ``q`` that touch with the touched ones of some instruments, and (N,) which of them do; commands of
+    other stops are unchanged.
 
     ``errors``: for each instrument, (M, c) errors of its touches: the readings that are solved for, m.
     """
     touching = [(gauge, error) for gauge, error in zip(gauges, errors, strict=True) if gauge.touches]
-    good = np.ones(len(way.q), dtype=bool)
+    good = np.ones(len(q), dtype=bool)
     for _ in range(ROUNDS if touching else 0):
-        q, by_command, going = way.q.copy(), way.by_command(), False
+        (poses, by_command), q, going = motion(q), q.copy(), False
         for gauge, aim in touching:
-            here = way.poses[gauge.stop]
+            here = poses[gauge.stop]
             miss, slope = gauge.readings(here, gauge.truth) - aim, gauge.by_pose(here) @ by_command[gauge.stop]
             off = ~(np.abs(miss).max(axis=1) < EXACT)  # NaN is off
             good[gauge.stop] = ~off
@@ -250,8 +210,7 @@ def felt(way: Way, gauges: Sequence[Gauge], errors: Sequence[Floats]) -> tuple[W
             going |= bool(move.any())
         if not going:
             break
-        way = way.at(q)
-    return way, good
+    return q, good
 
 
 LONGEST, SHARE = 0.3, 0.6
@@ -306,9 +265,8 @@ def circles(
 def _brought(nominal: Moved, q: Floats, places: Floats) -> tuple[Floats, Floats] | None:
     """(N, n) commands near ``q`` that bring the target to ``places`` (N, 3), and its derivative (N, 3, n); None: none."""
     for _ in range(30):
-        way = PlainWay(nominal, q)
-        miss = _target(way.poses) - places
-        by_command, arm = way.by_command(), way.poses.R @ np.array(ONE[""])
+        poses, by_command = motion_of(nominal)(q)
+        miss, arm = _target(poses) - places, poses.R @ np.array(ONE[""])
         slope = by_command[:, :3] + np.cross(by_command[:, 3:], arm[:, :, None], axis=1)
         if not np.isfinite(miss).all() or not np.isfinite(slope).all():
             return None
