@@ -6,7 +6,7 @@ from elastic_arm import draw, errors
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 
 
-@pytest.mark.parametrize("seeds", [(0, 3, 8), pytest.param(range(100), marks=pytest.mark.slow)], ids=["3", "100"])
+@pytest.mark.parametrize("seeds", [(0,), pytest.param(range(100), marks=pytest.mark.slow)], ids=["1", "100"])
 @pytest.mark.study
 def test_positions_are_predicted_as_well_as_by_plain_least_squares(seeds):
     """Also where errors of the model look like scatter of the drives, or like noise with heavy tails."""

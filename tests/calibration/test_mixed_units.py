@@ -19,8 +19,7 @@ def spoilt(data, rows, metres):
     return replace(data, position=position)
 
 
-@pytest.mark.parametrize("robot", ["gantry_tau", "stewart"])
-@pytest.mark.parametrize("frame", ["robot", "free"])
+@pytest.mark.parametrize(("robot", "frame"), [("gantry_tau", "robot"), ("stewart", "free")])
 @pytest.mark.parametrize(("unit", "metres"), UNITS)
 @pytest.mark.parametrize("share", ["second half", "every other", "three quarters"])
 def test_rows_in_another_unit_are_counted_and_the_first_and_last_named(robot, frame, unit, metres, share):

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from quick_first import quick_first
 from scipy.spatial.transform import Rotation
 from virtual_gantry import draw
 from virtual_instruments import Seen, bed, camera, cup, laser, level, read, wire
@@ -126,7 +127,7 @@ def test_planes_with_each_other_s_names_are_named(tmp_path):
     assert "bed.plane[P].height" in said or "readings of bed" in said
 
 
-@pytest.mark.parametrize("off", [0.03, 0.1])
+@pytest.mark.parametrize("off", quick_first([0.03, 0.1]))
 def test_a_bed_that_is_declared_elsewhere_is_told_and_the_geometry_is_as_with_the_right_place(tmp_path, off):
     planes = {name: p | {"point": [*p["point"][:2], p["point"][2] + off]} for name, p in TOUCHES.said["planes"].items()}
     right, nothing = warned(tmp_path, TOUCHES)
@@ -155,7 +156,7 @@ def test_a_known_distance_that_is_a_centimetre_off_is_warned_of(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "others", [(TOUCHES,), (WIRE, LEVEL), (EYE, CUP)], ids=["touches", "wire, level", "camera, cup"]
+    "others", quick_first([[TOUCHES], [WIRE, LEVEL], [EYE, CUP]]), ids=["touches", "wire, level", "camera, cup"]
 )
 def test_gross_errors_of_one_instrument_alone_are_set_aside(tmp_path, others):
     bad = np.array([5, 17, 40])

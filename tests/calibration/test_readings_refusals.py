@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from quick_first import quick_first
 from readable import check_as_they_stand
 from virtual_gantry import Gantry, draw
 from virtual_instruments import Seen, bed, cup, laser, level, read, wire
@@ -331,7 +332,7 @@ def assert_calibrated(found):
     assert np.abs(errors / found.sigma).max() < 5.0
 
 
-@pytest.mark.parametrize("value", [1e300, -1e160, 1e30, 1e6])
+@pytest.mark.parametrize("value", quick_first([1e300, 1e6, -1e160, 1e30], 2))
 @pytest.mark.parametrize(("name", "column"), [("gauge", "height"), ("laser", "x"), ("wire", "range")])
 def test_a_number_that_nothing_reads_is_set_aside(tmp_path, name, column, value):
     values = np.array(GOOD[name].columns[column])

@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 import pytest
+from quick_first import quick_first
 from ran import called
 from scipy.spatial.transform import Rotation
 from with_effects import active
@@ -90,7 +91,7 @@ def stated(text: str) -> tuple[float, float]:
     return 1e-6 * float(found[1]), 1e-6 * float(found[2])
 
 
-@pytest.fixture(scope="module", params=[1, 2, 3])
+@pytest.fixture(scope="module", params=quick_first([1, 2, 3]))
 def machine(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Machine:
     """Points of a tracker that stood anywhere, imported as users do, and calibrated."""
     rng, folder = np.random.default_rng(request.param), tmp_path_factory.mktemp("circle")
@@ -258,7 +259,7 @@ def five_bar(
     return elbows[:, 0] + tool[0] * link + tool[1] * np.stack([-link[:, 1], link[:, 0]], axis=1)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", quick_first([1, 2, 3]))
 def test_commands_of_a_five_bar_with_a_target_off_its_tool_are_corrected_in_its_plane(
     seed: int, tmp_path: Path
 ) -> None:

@@ -50,12 +50,13 @@ def test_what_is_kept_as_long_as_the_process_depends_on_no_data() -> None:
 
 @pytest.fixture(scope="module")
 def measured() -> Dataset:
-    return make_case(5, robot="ur5", effects=[("backlash", "elbow_joint")], noncentrality=2000.0, poses=80).dataset
+    return make_case(5, robot="ur5", effects=[("backlash", "elbow_joint")], noncentrality=2000.0, poses=40).dataset
 
 
+@pytest.mark.slow
 def test_a_diagnosis_after_others_is_that_of_a_new_process(tmp_path: Path) -> None:
-    make_case(5, effects=[("backlash", "cart1")], noncentrality=2000.0, poses=80).dataset.write(tmp_path / "set")
-    gtpin.diagnose(make_case(6, effects=[], poses=60).dataset)
+    make_case(5, effects=[("backlash", "cart1")], noncentrality=2000.0, poses=40).dataset.write(tmp_path / "set")
+    gtpin.diagnose(make_case(6, effects=[], poses=40).dataset)
     here = json.dumps(gtpin.diagnose(Dataset.read(tmp_path / "set")).to_json())
     program = (
         "import json, sys, warnings, gtpin\n"
