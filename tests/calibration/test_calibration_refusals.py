@@ -9,7 +9,7 @@ from virtual_gantry import Gantry, Machine, case, commands, indices, measured
 import gtpin
 from gtpin.errors import ConvergenceError, DatasetError, GtpinWarning, ModelError
 from gtpin.kinematics.kinematics import Kinematics
-from gtpin.paper.geometry import PaperGeometry, nominal_geometry
+from gtpin.paper.geometry import PaperGeometry
 
 COUNT = 80
 
@@ -63,12 +63,6 @@ def test_errors_in_a_third_of_the_poses_are_not_passed_over_in_silence(good):
 def test_options_that_do_not_exist_are_refused(options):
     with pytest.raises(ModelError):
         gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau"), **options)
-
-
-@pytest.mark.parametrize("options", [{"directions": "cart"}, {"scale": "link"}, {"without": "lenght"}, {"arm": "half"}])
-def test_options_of_the_paper_that_do_not_exist_are_refused(options):
-    with pytest.raises(ModelError):
-        nominal_geometry(gtpin.load_robot("gantry_tau"), **options)
 
 
 def test_one_name_may_be_left_out_without_a_list():

@@ -287,7 +287,7 @@ def test_two_rows_at_the_wrong_socket_are_set_aside(tmp_path):
     assert_calibrated(found)
 
 
-@pytest.mark.parametrize("name", GOOD)
+@pytest.mark.parametrize("name", quick_first(GOOD, 3))
 def test_good_readings_are_let_pass(tmp_path, name):
     assert_calibrated(gtpin.calibrate(read(tmp_path / "set", GOOD[name])))
 
