@@ -25,6 +25,7 @@ LONG = (
     "sim/test_closed_circle.py",
     "fuzz/test_damaged_files.py",
     "calibration/test_calibration_coverage.py",
+    "calibration/test_prior_conflict.py",
     "diagnosis/test_diagnosis_verdict.py",
     "health/test_check.py",
     "docs/test_code_in_the_documents.py",

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from virtual_gantry import Gantry, Machine, case, commands, indices, measured
+from virtual_gantry import GANTRY, Machine, case, commands, indices, measured
 
 import gtpin
 from gtpin.errors import ConvergenceError, DatasetError, GtpinWarning, ModelError
@@ -36,7 +36,7 @@ def test_a_station_among_the_poses_is_refused(good):
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # of all tolerances
 def test_parameters_far_outside_their_tolerances_are_warned_of_by_name():
     rng = np.random.default_rng(7)
-    far = Machine(Gantry.nominal().off({"platform_joint[2a].y": 0.02}), {})
+    far = Machine(GANTRY.off({"platform_joint[2a].y": 0.02}), {})
     said = r"tolerances from nominal: .*platform_joint\[2a\]\.y \(\+\d+ tolerances\).* --free '"
     with pytest.warns(GtpinWarning, match=said):
         gtpin.calibrate(measured(far, commands(rng, COUNT), rng))

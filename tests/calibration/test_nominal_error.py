@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from quick_first import quick_first
 from scipy.spatial.transform import Rotation
-from virtual_gantry import Gantry, commands, draw, measured
+from virtual_gantry import GANTRY, commands, draw, measured
 from virtual_instruments import Seen, read
 
 import gtpin
@@ -29,7 +29,7 @@ def test_no_rigid_motion_of_the_nominal_positions_is_nearer(schema: int, orienta
         T = np.column_stack([columns[axis] for axis in "xyz"])
     else:
         T = dataset.position
-    nominal = Gantry.nominal().poses(dataset.q)[0]
+    nominal = GANTRY.poses(dataset.q)[0]
     a, b = nominal - nominal.mean(axis=0), T - T.mean(axis=0)
     best = np.sqrt(((Rotation.align_vectors(b, a)[0].apply(a) - b) ** 2).sum(axis=1).mean())
     found = gtpin.calibrate(dataset)

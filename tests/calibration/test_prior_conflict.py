@@ -16,7 +16,7 @@ import pytest
 import tomli_w
 from quick_first import quick_first
 from scipy.spatial.transform import Rotation
-from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, Gantry, Machine, commands, draw, measured
+from virtual_gantry import GANTRY, ORIENTATION_SIGMA, POSITION_SIGMA, Machine, commands, draw, measured
 from virtual_instruments import Seen, read
 
 import gtpin
@@ -66,7 +66,7 @@ def off(rng: np.random.Generator, more: dict[str, float], *, free: bool) -> Mach
     """A machine within half its tolerances, but for some parameters that are off by so much more."""
     deviations = {name: 0.5 * value for name, value in draw(rng).deviations.items()}
     deviations |= {name: deviations[name] + value for name, value in more.items()}
-    return Machine(Gantry.nominal().off(deviations), deviations, VIEW if free else None)
+    return Machine(GANTRY.off(deviations), deviations, VIEW if free else None)
 
 
 def error(found: gtpin.Calibration, machine: Machine, name: str) -> float:
@@ -91,7 +91,7 @@ def test_a_rod_twelve_millimetres_too_long_is_geometry_alone(measure: Measure, s
 @pytest.mark.parametrize("measure", [by_schema_1, by_schema_2])
 def test_a_zero_that_is_off_is_admitted_in_all_joints_of_its_cart(measure: Measure, tmp_path: Path):
     rng = np.random.default_rng(5)
-    axis = Gantry.nominal().v[3]
+    axis = GANTRY.axis[3]
     zero = {f"cart_joint[{rod}].{x}": 0.02 * axis[i] for rod in ("3a", "3b", "3c") for i, x in enumerate("xyz")}
     machine = off(rng, zero, free=False)
     found = gtpin.calibrate(measure(machine, rng, tmp_path))

@@ -71,6 +71,7 @@ def test_ranges_of_several_stations_at_one_stop_are_no_copies(tmp_path):
         assert len(counted_once(replace(dataset, q=np.tile(dataset.q[:1], (len(dataset), 1))))) == len(dataset)
 
 
+@pytest.mark.slow
 def test_quaternions_with_the_real_part_last_are_named(tmp_path):
     T, R = MACHINE.gantry.poses(LASER.q)
     columns = dict(zip(("x", "y", "z"), T.T, strict=True))

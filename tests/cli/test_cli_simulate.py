@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import sys
 import tomllib
 from pathlib import Path
 
@@ -10,11 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from ran import called, refused
+from virtual_five_bar import urdf
 
 from gtpin.data import Commands, Dataset
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "instruments"))
-from virtual_five_bar import urdf
 
 SCENARIOS = sorted((Path(__file__).parents[2] / "examples" / "scenarios").glob("*.toml"))
 

@@ -20,6 +20,7 @@ import pytest
 from quick_first import quick_first
 from ran import called
 from scipy.spatial.transform import Rotation
+from urdfs import crossing
 from with_effects import active
 
 import gtpin
@@ -251,12 +252,7 @@ def five_bar(
     angles = q + np.array([2.2, 0.9416])
     seats = np.array([[-HALF_BASE, 0.0], [HALF_BASE, 0.0]])
     elbows = seats + np.array(near)[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=2)
-    between = elbows[:, 1] - elbows[:, 0]
-    apart = np.linalg.norm(between, axis=1, keepdims=True)
-    ahead = between / apart
-    along = (far[0] ** 2 - far[1] ** 2 + apart**2) / (2.0 * apart)
-    up = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-    link = (along * ahead + np.sqrt(far[0] ** 2 - along**2) * up) / far[0]
+    link = (crossing(elbows[:, 0], far[0], elbows[:, 1], far[1]) - elbows[:, 0]) / far[0]
     return elbows[:, 0] + tool[0] * link + tool[1] * np.stack([-link[:, 1], link[:, 0]], axis=1)
 
 

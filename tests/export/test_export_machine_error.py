@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from drawn_machines import Drawn, told
-from quick_first import quick_first
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 from with_effects import active
@@ -207,7 +206,8 @@ def test_the_tool_is_not_shown_where_the_place_of_every_target_was_unknown(
     assert replace(model, instruments=tuple(FittedInstrument(table) for table in tables)).free_target is free
 
 
-@pytest.mark.parametrize("height", quick_first([0.05, 0.1, 0.2]))
+@pytest.mark.slow
+@pytest.mark.parametrize("height", [0.05, 0.1, 0.2])
 def test_a_place_on_the_bed_stays_as_it_is_whatever_the_box(height: float, tmp_path: Path) -> None:
     """Also where the prior of the offsets is large, and the data seem to make them smaller."""
     geometry = gtpin.read_model("linear_delta").geometry

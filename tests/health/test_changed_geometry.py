@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,13 +9,11 @@ import numpy as np
 import pytest
 from quick_first import quick_first
 from scipy.spatial.transform import Rotation
+from virtual_gantry import Machine, commands, draw, measured
 
 import gtpin
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.typing import Floats
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "calibration"))
-from virtual_gantry import Machine, commands, draw, measured
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 
