@@ -12,6 +12,7 @@ Groups:
 
 from __future__ import annotations
 
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
@@ -42,6 +43,7 @@ def extension(group: str, name: str) -> Any:
     return _loaded(point)
 
 
+@cache  # a search of all installed packages
 def _points(group: str) -> dict[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=group)}
 

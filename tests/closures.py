@@ -93,11 +93,15 @@ class Closures:
 
     def follow(self, q: Floats, stride: float = 0.005) -> tuple[Floats, Floats]:
         """From home to commands q (N, n) along straight lines, in strides of at most so much a command."""
-        strides = int(np.ceil(np.abs(q - self.q).max() / stride))
+        strides = max(1, int(np.ceil(np.abs(q - self.q).max() / stride)))  # the home of a URDF is rounded
         T, R = np.tile(self.T, (len(q), 1)), np.tile(self.R, (len(q), 1, 1))
         for k in range(1, strides + 1):
             T, R = self.close(self.q + k / strides * (q - self.q), T, R)
         return T, R
+
+    def poses(self, q: Floats) -> tuple[Floats, Floats]:
+        """Positions (N, 3) and rotations (N, 3, 3) at commands q (N, n) in the part of the range where strides may be long."""
+        return self.follow(q, 0.1)
 
     def fsolve(self, q: Floats, T: Floats, R: Floats) -> tuple[Floats, Floats, bool]:
         """One posture by scipy's fsolve on the distances, with a numerical Jacobian."""
@@ -124,20 +128,28 @@ class Closures:
     def off(self, deviations: Mapping[str, float]) -> "Closures":
         """The machine with parameters off by so much, m, rad and m/m."""
         P, C, L, scale, axis = self.P.copy(), self.C0.copy(), self.L0.copy(), self.scale.copy(), self.axis.copy()
-        turns = np.zeros((len(self.sites), 2))
+        turns = np.zeros((6, 2))
         for name, value in deviations.items():
             word, owner, component = re.fullmatch(r"(\w+)\[(\w+)\]\.?(\w?)", name).groups()  # type: ignore[union-attr]
             if word == "length":
                 L[self.rod(owner)] += value
             elif word == "scale":
-                scale[self.driver == self.sites.index(owner)] += value
+                scale[self.rods_of(owner)] += value
             elif word in ("track_direction", "arm_axis"):
-                turns[self.sites.index(owner), "ab".index(component)] += value
+                turns[self.rods_of(owner), "ab".index(component)] += value
             else:
                 (P if word == "platform_joint" else C)[self.rod(owner), "xyz".index(component)] += value
         for i in range(6):
-            axis[i] = turned(axis[i], turns[self.driver[i]])
+            axis[i] = turned(axis[i], turns[i])
         return replace(self, P=P, C0=C, L0=L, scale=scale, axis=axis)
+
+    def rods_of(self, owner: str) -> np.ndarray:
+        """The rods of an actuator, or the one of this name."""
+        return (
+            np.flatnonzero(self.driver == self.sites.index(owner))
+            if owner in self.sites
+            else np.array([self.rod(owner)])
+        )
 
     def rod(self, owner: str) -> int:
         return self.rods.index(owner) if owner in self.rods else self.rods.index(f"link{owner}")

@@ -1,14 +1,18 @@
-"""The order of the tests: files that take long come first, so that no core waits for one of them at the end."""
+"""One thread for each worker, and the order of the tests: files that take long come first, so that no core waits at the end."""
 
 from __future__ import annotations
 
+import math
+import os
 import time
 import zlib
 from pathlib import Path
 
-import numpy as np
 import pytest
 
+os.environ.setdefault(
+    "OMP_NUM_THREADS", "1"
+)  # before numpy is imported: threads of several workers wait for each other
 ROOT = Path(__file__).parent
 LONG = (
     "docs/test_records_measured_again.py",
@@ -21,6 +25,7 @@ LONG = (
     "sim/test_closed_circle.py",
     "fuzz/test_damaged_files.py",
     "calibration/test_calibration_coverage.py",
+    "calibration/test_prior_conflict.py",
     "diagnosis/test_diagnosis_verdict.py",
     "health/test_check.py",
     "docs/test_code_in_the_documents.py",
@@ -63,5 +68,5 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(tryfirst=True)  # before the fixtures
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    if time.monotonic() > item.config.stash.get(LAST, np.inf):
+    if time.monotonic() > item.config.stash.get(LAST, math.inf):
         pytest.skip("the minutes are over")

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from quick_first import quick_first
 
 import gtpin
 from gtpin.bench.simulator import make_case
@@ -39,7 +40,7 @@ def warned(dataset: Dataset) -> tuple[gtpin.Calibration, str]:
     return found, "; ".join(found.warnings)
 
 
-@pytest.mark.parametrize("seed", [40, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(41, 45))])
+@pytest.mark.parametrize("seed", quick_first(range(40, 45)))
 def test_what_is_declared_truly_is_not_doubted(seed):
     dataset = clean(seed)
     found, said = warned(dataset)

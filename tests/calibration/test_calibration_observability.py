@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import virtual_gantry
-from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, Gantry, commands, draw, indices, measured, tolerance
+from virtual_gantry import GANTRY, ORIENTATION_SIGMA, POSITION_SIGMA, commands, draw, indices, measured, tolerance
 
 import gtpin
 from gtpin.calibration.observability import UNSEEN
@@ -25,7 +25,7 @@ def whitened(found, q, view=None):
     h = 1e-3
     for name in found.names:
         ways = (identified | {name: identified[name] + sign * h * tolerance(name)} for sign in (1.0, -1.0))
-        (T1, R1), (T0, R0) = (Gantry.nominal().off(way).poses(q) for way in ways)
+        (T1, R1), (T0, R0) = (GANTRY.off(way).poses(q) for way in ways)
         K = (R1 - R0) @ np.swapaxes((R1 + R0) / 2.0, 1, 2)
         turn = np.stack([K[:, 2, 1] - K[:, 1, 2], K[:, 0, 2] - K[:, 2, 0], K[:, 1, 0] - K[:, 0, 1]], axis=1) / 2.0
         columns.append(np.hstack([T1 - T0, turn]) / (2.0 * h))
@@ -37,7 +37,7 @@ def whitened(found, q, view=None):
 
 def rigid(found, q):
     """Whitened motion of all poses with the frame they are measured in (only what it spans matters)."""
-    T, _ = Gantry.nominal().off(dict(zip(found.names, found.model.geometry.deviation, strict=True))).poses(q)
+    T, _ = GANTRY.off(dict(zip(found.names, found.model.geometry.deviation, strict=True))).poses(q)
     motion = np.zeros((len(q), 6, 6))
     motion[:, :3, :3] = motion[:, 3:, 3:] = np.eye(3)
     for k in range(3):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from monte_carlo import study
+from quick_first import quick_first
 from virtual_gantry import ROBOT, case, names
 
 import gtpin
@@ -116,7 +117,9 @@ def test_poses_of_another_machine_do_not_converge_in_silence(dataset):
     assert found.chi2_per_dof > 100 or len(found.rejected) > 10
 
 
-@pytest.mark.parametrize(("iteration", "words"), [("gauss_newton", "not converged"), ("robust_fit", "converged in 1")])
+@pytest.mark.parametrize(
+    ("iteration", "words"), quick_first([("robust_fit", "converged in 1"), ("gauss_newton", "not converged")])
+)
 def test_an_iteration_limit_that_is_hit_is_an_error(dataset, monkeypatch, iteration, words):
     monkeypatch.setattr(f"gtpin.calibration.{iteration}.MAX_ITERATIONS", 1)
     with pytest.raises(ConvergenceError, match=words):

@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from virtual_gantry import (
+    GANTRY,
     ORIENTATION_SIGMA,
     POSITION_SIGMA,
-    Gantry,
     case,
     commands,
     draw,
@@ -79,7 +79,7 @@ def test_scipy_finds_the_same_optimum(free):
     view = found.model.frame  # scipy starts from here, and moves it by 1e-5 m and rad a unit
 
     def residual(x):
-        T, R = Gantry.nominal().off(dict(zip(parameters, sizes * x[:48], strict=True))).poses(q)
+        T, R = GANTRY.off(dict(zip(parameters, sizes * x[:48], strict=True))).poses(q)
         seen = Rotation.from_matrix(R)
         if free:
             look = Rotation.from_rotvec(1e-5 * x[51:]) * Rotation.from_matrix(view.R)

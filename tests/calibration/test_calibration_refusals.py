@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from virtual_gantry import Gantry, Machine, case, commands, indices, measured
+from virtual_gantry import GANTRY, Machine, case, commands, indices, measured
 
 import gtpin
 from gtpin.errors import ConvergenceError, DatasetError, GtpinWarning, ModelError
 from gtpin.kinematics.kinematics import Kinematics
-from gtpin.paper.geometry import PaperGeometry, nominal_geometry
+from gtpin.paper.geometry import PaperGeometry
 
 COUNT = 80
 
@@ -36,7 +36,7 @@ def test_a_station_among_the_poses_is_refused(good):
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # of all tolerances
 def test_parameters_far_outside_their_tolerances_are_warned_of_by_name():
     rng = np.random.default_rng(7)
-    far = Machine(Gantry.nominal().off({"platform_joint[2a].y": 0.02}), {})
+    far = Machine(GANTRY.off({"platform_joint[2a].y": 0.02}), {})
     said = r"tolerances from nominal: .*platform_joint\[2a\]\.y \(\+\d+ tolerances\).* --free '"
     with pytest.warns(GtpinWarning, match=said):
         gtpin.calibrate(measured(far, commands(rng, COUNT), rng))
@@ -63,12 +63,6 @@ def test_errors_in_a_third_of_the_poses_are_not_passed_over_in_silence(good):
 def test_options_that_do_not_exist_are_refused(options):
     with pytest.raises(ModelError):
         gtpin.Geometry.nominal(gtpin.load_robot("gantry_tau"), **options)
-
-
-@pytest.mark.parametrize("options", [{"directions": "cart"}, {"scale": "link"}, {"without": "lenght"}, {"arm": "half"}])
-def test_options_of_the_paper_that_do_not_exist_are_refused(options):
-    with pytest.raises(ModelError):
-        nominal_geometry(gtpin.load_robot("gantry_tau"), **options)
 
 
 def test_one_name_may_be_left_out_without_a_list():

@@ -4,8 +4,8 @@ import json
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
+from by_pinocchio import placed
 from monte_carlo import assert_chi2
 from scipy.spatial.transform import Rotation
 from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, case, commands, draw, measured
@@ -14,15 +14,6 @@ import gtpin
 from gtpin.report.calibration import CalibrationPresentation
 
 SHIFT = 4e-4
-
-
-def placed(model, q):
-    """(N, 3) positions, m, and (N, 3, 3) rotations of the link tool0 at configurations q (N, nq)."""
-    data, frame, found = model.createData(), model.getFrameId("tool0"), []
-    for one in q:
-        pin.framesForwardKinematics(model, data, one)
-        found.append((data.oMf[frame].translation.copy(), data.oMf[frame].rotation.copy()))
-    return np.array([T for T, _ in found]), np.array([R for _, R in found])
 
 
 def shifted(seed):

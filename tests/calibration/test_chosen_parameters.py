@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from monte_carlo import Study, study
 from virtual_arm import Arm
-from virtual_gantry import ROBOT, Gantry, Machine, case, commands, draw, measured
+from virtual_gantry import GANTRY, ROBOT, Machine, case, commands, draw, measured
 
 import gtpin
 from gtpin.errors import GtpinError, GtpinWarning
@@ -23,7 +23,7 @@ SIGMAS = (2e-5, 5e-5)
 def spoiled(rng: np.random.Generator, off: float) -> tuple[Machine, gtpin.Dataset]:
     """A Gantry-Tau with one rod whose length is off by so much, and its measured poses."""
     drawn = draw(rng).deviations | {NAME: off}
-    machine = Machine(Gantry.nominal().off(drawn), drawn)
+    machine = Machine(GANTRY.off(drawn), drawn)
     return machine, measured(machine, commands(rng, 60), rng)
 
 

@@ -6,8 +6,11 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from by_pinocchio import placed
 from monte_carlo import assert_chi2
+from quick_first import quick_first
 from scipy.spatial.transform import Rotation
+from urdfs import crossing, joint, loop, own, urdf
 
 import gtpin
 from gtpin.data import InstrumentSection
@@ -95,8 +98,8 @@ def test_where_the_instrument_stood_anywhere_a_displacement_is_without_what_its_
 
 
 def test_all_departures_together_are_the_displacement_from_the_nominal_to_the_calibrated_pose() -> None:
-    for robot, joint, off in (("ur10", 2, 0.01), ("gantry_tau", 1, 3e-3)):
-        q, _, calibration = seen(robot, joint, off)
+    for robot, drive, off in (("ur10", 2, 0.01), ("gantry_tau", 1, 3e-3)):
+        q, _, calibration = seen(robot, drive, off)
         nominal = gtpin.Model(gtpin.Geometry.nominal(calibration.model.robot))
         change = calibration.model.predict(q).T - nominal.predict(q).T
         whole = sum(one.displacement for one in departures(calibration.model, q))
@@ -156,36 +159,23 @@ START = np.array([2.2, 0.94])
 def tip(q: np.ndarray, angles: np.ndarray) -> np.ndarray:
     """(N, 3) where the far links meet, m; ``angles``: (2,) zeros of the drives, rad."""
     at = q + START + angles
-    elbows = [
-        np.array([side * BASE, 0.0]) + NEAR * np.stack([np.cos(a), np.sin(a)], axis=1)
-        for side, a in zip((-1.0, 1.0), at.T, strict=True)
-    ]
-    between = elbows[1] - elbows[0]
-    distance = np.linalg.norm(between, axis=1, keepdims=True)
-    u = between / distance
-    up = np.sqrt(FAR**2 - distance**2 / 4.0) * np.stack([-u[:, 1], u[:, 0]], axis=1)
-    return np.column_stack([elbows[0] + between / 2.0 + up, np.zeros(len(q))])
+    elbows = NEAR * np.stack([np.cos(at), np.sin(at)], axis=2) + np.array([[-BASE, 0.0], [BASE, 0.0]])
+    met = crossing(elbows[:, 0], FAR, elbows[:, 1], FAR)
+    return np.column_stack([met, np.zeros(len(q))])
 
 
 def circles() -> str:
     """The nominal URDF of that five-bar."""
     parts = [("base", "left", -BASE, 2.2), ("left", "left_far", NEAR, -1.44)]
     parts += [("base", "right", BASE, 0.94), ("right", "right_far", NEAR, 1.44)]
-    joints = "".join(
-        f'<link name="{child}"/><joint name="to_{child}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{x} 0 0" rpy="0 0 {yaw}"/><axis xyz="0 0 1"/>'
-        '<limit lower="-2" upper="2" effort="1" velocity="1"/></joint>'
-        for parent, child, x, yaw in parts
-    )
-    tool = '<link name="tool"/><joint name="t" type="fixed"><parent link="left_far"/><child link="tool"/>'
-    tool += f'<origin xyz="{FAR} 0 0"/></joint>'
-    ends = "".join(f'<link{i} link="{side}_far" xyz="{FAR} 0 0"/>' for i, side in ((1, "left"), (2, "right")))
-    own = '<actuator joint="to_left"/><actuator joint="to_right"/><platform link="tool"/>'
-    loop = f'<loop_joint name="pin">{ends}</loop_joint><gtpin>{own}</gtpin>'
-    return f'<robot name="five_bar"><link name="base"/>{joints}{tool}{loop}</robot>'
+    joints = [joint(f"to_{b}", a, b, f"{x} 0 0", rpy=f"0 0 {yaw}", limit=2.0) for a, b, x, yaw in parts]
+    end = f"{FAR} 0 0"
+    pin_of_both = loop("left_far", end, "right_far", end)
+    tool = joint("t", "left_far", "tool", end, kind="fixed")
+    return urdf("five_bar", *joints, tool, pin_of_both, own(["to_left", "to_right"], "tool"))
 
 
-@pytest.mark.parametrize("zero", [4e-3, 2e-2])
+@pytest.mark.parametrize("zero", quick_first([4e-3, 2e-2]))
 def test_zeros_and_elbows_of_a_five_bar_are_told_as_uncertain_as_they_are(zero: float, tmp_path: Path) -> None:
     """A shift of an elbow across its link is the same motion as the drive's zero: no data distinguish them."""
     (tmp_path / "bar.urdf").write_text(circles())
@@ -237,18 +227,14 @@ def test_sigmas_of_a_zero_hold_and_others_are_not_named() -> None:
 def test_a_link_that_is_shorter_is_told_as_shorter_where_the_table_has_its_length_negative() -> None:
     robot, rng = gtpin.load_robot("ur10"), np.random.default_rng(1)
     real = pin.buildModelFromXML(robot.description.xml)
-    elbow, data, short = real.getJointId("elbow_joint"), real.createData(), 1e-3
+    elbow, short = real.getJointId("elbow_joint"), 1e-3
     at = real.jointPlacements[elbow].translation.copy()
     at[np.argmax(np.abs(at))] -= short * np.sign(at[np.argmax(np.abs(at))])
     real.jointPlacements[elbow].translation = at
-    q, T = rng.uniform(-1.5, 1.5, (60, 6)), []
-    for row in q:
-        pin.framesForwardKinematics(real, data, row)
-        T.append(data.oMf[real.getFrameId("tool0")].translation + NOISE * rng.standard_normal(3))
+    q = rng.uniform(-1.5, 1.5, (60, 6))
+    T = placed(real, q)[0] + NOISE * rng.standard_normal((60, 3))
     section = InstrumentSection(frame="robot", position_sigma=NOISE)
-    calibration = gtpin.calibrate(
-        gtpin.Dataset("ur10", [str(i) for i in range(60)], q, np.array(T), instrument=section)
-    )
+    calibration = gtpin.calibrate(gtpin.Dataset("ur10", [str(i) for i in range(60)], q, T, instrument=section))
     first = departures(calibration.model, q)[0]
     assert first.name == "a[shoulder_lift_joint]"
     assert departure_words(first) == "length |a| of shoulder_lift_joint"

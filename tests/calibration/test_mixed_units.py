@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from quick_first import quick_first
 from test_recognise import elsewhere, machine, refusal
 
 import gtpin
@@ -19,10 +20,9 @@ def spoilt(data, rows, metres):
     return replace(data, position=position)
 
 
-@pytest.mark.parametrize("robot", ["gantry_tau", "stewart"])
-@pytest.mark.parametrize("frame", ["robot", "free"])
+@pytest.mark.parametrize(("robot", "frame"), [("gantry_tau", "robot"), ("stewart", "free")])
 @pytest.mark.parametrize(("unit", "metres"), UNITS)
-@pytest.mark.parametrize("share", ["second half", "every other", "three quarters"])
+@pytest.mark.parametrize("share", quick_first(["every other", "second half", "three quarters"]))
 def test_rows_in_another_unit_are_counted_and_the_first_and_last_named(robot, frame, unit, metres, share):
     data = machine(robot, 651)
     data = data if frame == "robot" else elsewhere(data, 651, "free")

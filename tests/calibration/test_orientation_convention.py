@@ -5,6 +5,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from quick_first import quick_first
 from scipy.spatial.transform import Rotation
 
 import gtpin
@@ -56,9 +57,9 @@ def test_turns_so_small_that_the_nominal_robot_hides_them_show_after_the_fit():
 
 
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")  # of what an effect does to a fit
-@pytest.mark.parametrize("robot", ["stewart", pytest.param("ur5", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("robot", quick_first(["stewart", "ur5"]))
 @pytest.mark.parametrize("declared", [True, False])
-@pytest.mark.parametrize("seed", [7, 8, 9])
+@pytest.mark.parametrize("seed", quick_first([7, 8, 9]))
 def test_a_convention_is_named_beside_a_large_backlash(robot, declared, seed):
     site = gtpin.load_robot(robot).sites[0]
     made = make_case(seed, robot=robot, effects=[("backlash", site)], noncentrality=4000.0, poses=400, held_out=1)

@@ -14,8 +14,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import tomli_w
+from quick_first import quick_first
 from scipy.spatial.transform import Rotation
-from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, Gantry, Machine, commands, draw, measured
+from virtual_gantry import GANTRY, ORIENTATION_SIGMA, POSITION_SIGMA, Machine, commands, draw, measured
 from virtual_instruments import Seen, read
 
 import gtpin
@@ -23,6 +24,7 @@ from gtpin.export.export import export
 from gtpin.extras.controllers.program import corrected_commands
 from gtpin.output.shown import present
 
+LONG_ROD = {"length[2b]": 0.012}
 TARGET = (0.02, -0.03, 0.06)
 """Where the reflector sits, TCP frame, m."""
 VIEW = (Rotation.from_rotvec([0.1, -0.05, 0.8]), np.array([4.0, 2.0, 0.5]))
@@ -64,7 +66,7 @@ def off(rng: np.random.Generator, more: dict[str, float], *, free: bool) -> Mach
     """A machine within half its tolerances, but for some parameters that are off by so much more."""
     deviations = {name: 0.5 * value for name, value in draw(rng).deviations.items()}
     deviations |= {name: deviations[name] + value for name, value in more.items()}
-    return Machine(Gantry.nominal().off(deviations), deviations, VIEW if free else None)
+    return Machine(GANTRY.off(deviations), deviations, VIEW if free else None)
 
 
 def error(found: gtpin.Calibration, machine: Machine, name: str) -> float:
@@ -73,11 +75,12 @@ def error(found: gtpin.Calibration, machine: Machine, name: str) -> float:
     return float((found[name].value - nominal - machine.deviations[name]) / found[name].sigma)
 
 
-@pytest.mark.parametrize("seed", [3, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 8))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3, 8))
 @pytest.mark.parametrize("measure", [by_schema_1, by_schema_2])
 def test_a_rod_twelve_millimetres_too_long_is_geometry_alone(measure: Measure, seed: int, tmp_path: Path):
     rng = np.random.default_rng(seed)
-    machine = off(rng, {"length[2b]": 0.012}, free=True)
+    machine = off(rng, LONG_ROD, free=True)
     found = gtpin.diagnose(measure(machine, rng, tmp_path))
     assert found.verdict == "none"
     assert any("tolerances are widened" in text for text in found.warnings)
@@ -88,7 +91,7 @@ def test_a_rod_twelve_millimetres_too_long_is_geometry_alone(measure: Measure, s
 @pytest.mark.parametrize("measure", [by_schema_1, by_schema_2])
 def test_a_zero_that_is_off_is_admitted_in_all_joints_of_its_cart(measure: Measure, tmp_path: Path):
     rng = np.random.default_rng(5)
-    axis = Gantry.nominal().v[3]
+    axis = GANTRY.axis[3]
     zero = {f"cart_joint[{rod}].{x}": 0.02 * axis[i] for rod in ("3a", "3b", "3c") for i, x in enumerate("xyz")}
     machine = off(rng, zero, free=False)
     found = gtpin.calibrate(measure(machine, rng, tmp_path))
@@ -119,9 +122,9 @@ def in_schema_1(folder: Path, target: tuple[float, ...] | None) -> gtpin.Dataset
     return gtpin.Dataset.read(folder)
 
 
-@pytest.mark.parametrize("schema", [1, 2])
-@pytest.mark.parametrize(("free", "more"), [(False, {}), (True, {"length[2b]": 0.012}), (False, {"length[2b]": 0.012})])
-@pytest.mark.parametrize("seed", [11, pytest.param(12, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("schema", quick_first([2, 1]))
+@pytest.mark.parametrize(("free", "more"), quick_first([(False, {}), (False, LONG_ROD), (True, LONG_ROD)], 2))
+@pytest.mark.parametrize("seed", quick_first([11, 12]))
 def test_a_reflector_off_the_tcp_that_nobody_declared_is_said_first(
     schema: int, free: bool, more: dict[str, float], seed: int, tmp_path: Path
 ):
@@ -138,10 +141,16 @@ def test_a_reflector_off_the_tcp_that_nobody_declared_is_said_first(
     assert not any("zero of" in text or "tolerances from nominal" in text for text in found.warnings)
 
 
-def test_a_diagnosis_of_an_undeclared_reflector_lists_no_parameters_as_found(tmp_path: Path):
-    rng = np.random.default_rng(13)
-    by_schema_2(off(rng, {}, free=False), rng, tmp_path, turning(rng))
-    found = gtpin.diagnose(in_schema_1(tmp_path, None))
+@pytest.fixture(scope="module")
+def undeclared(tmp_path_factory: pytest.TempPathFactory) -> gtpin.Diagnosis:
+    """Of a machine with a reflector off the TCP that nobody declared."""
+    rng, folder = np.random.default_rng(11), tmp_path_factory.mktemp("undeclared") / "set"
+    by_schema_2(off(rng, {}, free=False), rng, folder, turning(rng))
+    return gtpin.diagnose(in_schema_1(folder, None))
+
+
+def test_a_diagnosis_of_an_undeclared_reflector_lists_no_parameters_as_found(undeclared: gtpin.Diagnosis):
+    found = undeclared
     assert "write target" in found.warnings[0]
     assert found.model.doubt == found.baseline.model.doubt != ""
     first = present(found).lead
@@ -161,10 +170,8 @@ def test_schema_1_takes_the_place_of_the_reflector(tmp_path: Path):
     assert gtpin.calibrate(gtpin.Dataset.read(tmp_path / "again")).values == pytest.approx(second.values, abs=1e-12)
 
 
-def test_what_is_made_from_a_geometry_in_doubt_says_so_first(tmp_path: Path):
-    rng = np.random.default_rng(11)
-    by_schema_2(off(rng, {}, free=False), rng, tmp_path, turning(rng), target=None)
-    found = gtpin.calibrate(in_schema_1(tmp_path, None))
+def test_what_is_made_from_a_geometry_in_doubt_says_so_first(undeclared: gtpin.Diagnosis, tmp_path: Path):
+    found = undeclared.baseline
     found.save(tmp_path / "calibrated")
     pd.DataFrame({"pose": ["a"], "q1": [0.1], "q2": [0.0], "q3": [0.1]}).to_csv(tmp_path / "commands.csv", index=False)
     model = gtpin.read_model(tmp_path / "calibrated")
@@ -188,6 +195,6 @@ def test_what_is_made_from_a_geometry_in_doubt_says_so_first(tmp_path: Path):
     )
     with pytest.raises(gtpin.GtpinError, match="in doubt, so it can't be certified"):
         gtpin.certify(found.dataset, model)
-    words = gtpin.diagnose(found.dataset).summary()
+    words = undeclared.summary()
     assert "in doubt" in words
     assert "is enough" not in words

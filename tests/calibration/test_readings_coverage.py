@@ -11,8 +11,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from closures import Closures
 from monte_carlo import INSIDE, Study, study
-from virtual_gantry import Gantry, draw
+from virtual_gantry import draw
 from virtual_instruments import LASER, LEVEL, SEAT, TOUCH, WIRE, Seen, bed, camera, cup, laser, level, read, spare, wire
 
 import gtpin
@@ -23,7 +24,7 @@ from gtpin.report.calibration_text import noise_words
 pytestmark = pytest.mark.slow
 
 Floats = np.ndarray
-Reads = Callable[[Gantry, np.random.Generator], list[Seen]]
+Reads = Callable[[Closures, np.random.Generator], list[Seen]]
 
 MACHINES = 50
 KINDS: dict[str, Reads] = {

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from quick_first import quick_first
 from scipy.spatial.transform import Rotation
 from virtual_gantry import draw
 from virtual_instruments import Seen, bed, camera, cup, laser, level, read, wire
@@ -40,7 +41,7 @@ def warned(folder, *seen: Seen) -> tuple[gtpin.Calibration, str]:
     return found, "\n".join(found.warnings)
 
 
-@pytest.mark.parametrize("seen", [WIRE, LEVEL, LASER, EYE], ids=lambda seen: seen.said["name"])
+@pytest.mark.parametrize("seen", quick_first([WIRE, LASER, LEVEL, EYE], 2), ids=lambda seen: seen.said["name"])
 def test_copies_of_readings_are_counted_once(tmp_path, seen):
     count = len(seen.q)
     copied = rows(seen, [*range(count), *range(0, count, 3)])
@@ -70,6 +71,7 @@ def test_ranges_of_several_stations_at_one_stop_are_no_copies(tmp_path):
         assert len(counted_once(replace(dataset, q=np.tile(dataset.q[:1], (len(dataset), 1))))) == len(dataset)
 
 
+@pytest.mark.slow
 def test_quaternions_with_the_real_part_last_are_named(tmp_path):
     T, R = MACHINE.gantry.poses(LASER.q)
     columns = dict(zip(("x", "y", "z"), T.T, strict=True))
@@ -126,7 +128,7 @@ def test_planes_with_each_other_s_names_are_named(tmp_path):
     assert "bed.plane[P].height" in said or "readings of bed" in said
 
 
-@pytest.mark.parametrize("off", [0.03, 0.1])
+@pytest.mark.parametrize("off", quick_first([0.03, 0.1]))
 def test_a_bed_that_is_declared_elsewhere_is_told_and_the_geometry_is_as_with_the_right_place(tmp_path, off):
     planes = {name: p | {"point": [*p["point"][:2], p["point"][2] + off]} for name, p in TOUCHES.said["planes"].items()}
     right, nothing = warned(tmp_path, TOUCHES)
@@ -155,7 +157,7 @@ def test_a_known_distance_that_is_a_centimetre_off_is_warned_of(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "others", [(TOUCHES,), (WIRE, LEVEL), (EYE, CUP)], ids=["touches", "wire, level", "camera, cup"]
+    "others", quick_first([[TOUCHES], [WIRE, LEVEL], [EYE, CUP]]), ids=["touches", "wire, level", "camera, cup"]
 )
 def test_gross_errors_of_one_instrument_alone_are_set_aside(tmp_path, others):
     bad = np.array([5, 17, 40])

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from quick_first import quick_first
 from readable import check_as_they_stand
-from virtual_gantry import Gantry, draw
+from virtual_gantry import GANTRY, draw
 from virtual_instruments import Seen, bed, cup, laser, level, read, wire
 
 import gtpin
@@ -286,7 +287,7 @@ def test_two_rows_at_the_wrong_socket_are_set_aside(tmp_path):
     assert_calibrated(found)
 
 
-@pytest.mark.parametrize("name", GOOD)
+@pytest.mark.parametrize("name", quick_first(GOOD, 3))
 def test_good_readings_are_let_pass(tmp_path, name):
     assert_calibrated(gtpin.calibrate(read(tmp_path / "set", GOOD[name])))
 
@@ -331,7 +332,7 @@ def assert_calibrated(found):
     assert np.abs(errors / found.sigma).max() < 5.0
 
 
-@pytest.mark.parametrize("value", [1e300, -1e160, 1e30, 1e6])
+@pytest.mark.parametrize("value", quick_first([1e300, 1e6, -1e160, 1e30], 2))
 @pytest.mark.parametrize(("name", "column"), [("gauge", "height"), ("laser", "x"), ("wire", "range")])
 def test_a_number_that_nothing_reads_is_set_aside(tmp_path, name, column, value):
     values = np.array(GOOD[name].columns[column])
@@ -359,7 +360,7 @@ def test_a_single_row_of_an_instrument_says_nothing_against_its_sigma(tmp_path):
 @pytest.mark.slow
 def test_undeclared_sigmas_of_unequal_instruments_are_each_its_own_with_repeats(tmp_path):
     rng = np.random.default_rng(3)
-    machine = Gantry.nominal()
+    machine = GANTRY
     parts = {
         "wire": (wire(machine, rng, 90, sigma=1e-9), ["range"], 5e-4),
         "laser": (laser(machine, rng, 60, sigma=1e-9), ["x", "y", "z"], 1e-5),
@@ -378,7 +379,7 @@ def test_undeclared_sigmas_of_unequal_instruments_are_each_its_own_with_repeats(
 
 def test_one_bad_seating_in_a_socket_visited_twice_is_set_aside(tmp_path):
     rng = np.random.default_rng(8)
-    machine = Gantry.nominal()
+    machine = GANTRY
     good = cup(machine, rng, 74, sockets=37)
     q = good.q.copy()
     q[5, 0] += 2e-4

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import virtual_instruments
+from closures import Closures
 from scipy.spatial.transform import Rotation
-from virtual_gantry import Gantry, draw
+from virtual_gantry import draw
 from virtual_instruments import Seen, bed, level, read
 
 import gtpin
@@ -34,7 +35,7 @@ def variance_reduction(found: gtpin.Calibration, directions: Floats) -> Floats:
     return 1.0 - np.einsum("im,ij,jm->m", directions, covariance, directions)
 
 
-def poses(machine: Gantry, rng: np.random.Generator, q: Floats) -> Seen:
+def poses(machine: Closures, rng: np.random.Generator, q: Floats) -> Seen:
     """Positions and orientations of the TCP by a tracker that stands somewhere."""
     turn, at = Rotation.from_rotvec(rng.normal(0.0, 0.7, 3)), rng.uniform(-3.0, 3.0, 3)
     T, R = machine.poses(q)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
+from by_pinocchio import placed
 from scipy.spatial.transform import Rotation
 
 import gtpin
@@ -46,12 +47,7 @@ class Arm:
 
     def poses(self, q: Floats) -> tuple[Floats, Floats]:
         """Positions (N, 3), m, and rotations (N, 3, 3), base frame."""
-        data, frame = self.model.createData(), self.model.getFrameId(ROBOT.tcp_frame)
-        T, R = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
-        for i, row in enumerate(q):
-            pin.framesForwardKinematics(self.model, data, row + self.off(row))
-            T[i], R[i] = data.oMf[frame].translation, data.oMf[frame].rotation
-        return T, R
+        return placed(self.model, np.array([row + self.off(row) for row in q]), ROBOT.tcp_frame)
 
     def measured(
         self, q: Floats, rng: np.random.Generator, sigmas: tuple[float, float], *, free: bool = True

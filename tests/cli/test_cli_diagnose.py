@@ -152,7 +152,6 @@ def test_json_prints_the_result_and_nothing_else(run, diagnosed, again, strong, 
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_why_one_cause_is_not_named_is_said_on_the_first_screen_on_the_page_and_in_the_numbers(run, strong, tmp_path):
     ran = run("diagnose", strong, "-o", tmp_path / "out", "--why", "servo_lag@cart1")
     assert ran.code == 0, ran.err
@@ -177,6 +176,7 @@ def test_an_unknown_name_after_why_is_one_line_with_the_nearest(run, strong, tmp
     assert not (tmp_path / "deep").exists()
 
 
+@pytest.mark.slow
 def test_what_is_excluded_is_neither_named_nor_considered(run, strong, tmp_path):
     ran = run("diagnose", strong, "-o", tmp_path / "out", "--exclude", "backlash@cart1", "--exclude", "servo_lag")
     assert ran.code == 0, ran.err

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -11,13 +10,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from printed import HEIGHTMAP, ORIGIN, POINTS, PROBE_LOG, places, printer_cfg
 from ran import Ran, called, refused
 
 import gtpin
 from gtpin.references import seen_from
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "importers"))
-from printed import HEIGHTMAP, ORIGIN, POINTS, PROBE_LOG, places, printer_cfg
 
 Run = Callable[..., Ran]
 

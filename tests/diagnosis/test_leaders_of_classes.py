@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
+from by_pinocchio import placed, torques
 
 import gtpin
 
@@ -19,16 +20,12 @@ def test_two_joints_that_give_way_lead_their_classes(seed: int) -> None:
     """By Pinocchio alone. The search's penalty of a second cause like the first does not let another effect lead."""
     robot = gtpin.load_robot("ur10")
     model = pin.buildModelFromXML(robot.description.xml)
-    tool, data, rng = model.getFrameId("tool0"), model.createData(), np.random.default_rng(seed)
-    q, T = rng.uniform(-2.0, 2.0, (POSES, 6)), np.empty((POSES, 3))
-    for i, row in enumerate(q):
-        torque = pin.computeGeneralizedGravity(model, data, row)
-        given = row.copy()
-        for joint, compliance in COMPLIANCE.items():
-            given[joint] -= compliance * torque[joint]
-        pin.framesForwardKinematics(model, data, given)
-        T[i] = data.oMf[tool].translation
-    T += NOISE * rng.standard_normal(T.shape)
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(-2.0, 2.0, (POSES, 6))
+    given, torque = q.copy(), torques(model, q)
+    for joint, compliance in COMPLIANCE.items():
+        given[:, joint] -= compliance * torque[:, joint]
+    T = placed(model, given)[0] + NOISE * rng.standard_normal((POSES, 3))
     dataset = gtpin.Dataset("ur10", [f"p{i}" for i in range(POSES)], q, T, instrument={"position_sigma": NOISE})
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", gtpin.GtpinWarning)
@@ -49,18 +46,14 @@ def test_backlash_is_named_beside_a_cause_of_several_names_and_something_unknown
     difference of two others' angles, which nothing of the catalogue does."""
     robot = gtpin.load_robot("ur10")
     model = pin.buildModelFromXML(robot.description.xml)
-    tool, data, rng = model.getFrameId("tool0"), model.createData(), np.random.default_rng([seed, 9])
+    rng = np.random.default_rng([seed, 9])
     half = np.array([2.4, 0.7, 1.1, 1.5, 1.5, 2.4])
     q = np.array([0.0, -1.4, 1.2, 0.0, 0.0, 0.0]) + half * rng.uniform(-1.0, 1.0, (180, 6))
-    approach, T = rng.choice([-1.0, 1.0], (180, 6)), np.empty((180, 3))
-    for i, row in enumerate(q):
-        given = row.copy()
-        given[1] -= 3e-6 * pin.computeGeneralizedGravity(model, data, row)[1]
-        given[0] -= 1e-4 * approach[i, 0]
-        given[4] += 1e-3 * np.tanh(3.0 * np.sin(row[5] - row[3]))
-        pin.framesForwardKinematics(model, data, given)
-        T[i] = data.oMf[tool].translation
-    T += NOISE * rng.standard_normal(T.shape)
+    approach, given = rng.choice([-1.0, 1.0], (180, 6)), q.copy()
+    given[:, 1] -= 3e-6 * torques(model, q)[:, 1]
+    given[:, 0] -= 1e-4 * approach[:, 0]
+    given[:, 4] += 1e-3 * np.tanh(3.0 * np.sin(q[:, 5] - q[:, 3]))
+    T = placed(model, given)[0] + NOISE * rng.standard_normal((180, 3))
     columns = {f"approach{j + 1}": approach[:, j] for j in range(6)}
     names = [f"p{i}" for i in range(180)]
     found = gtpin.diagnose(gtpin.Dataset("ur10", names, q, T, None, columns, {"position_sigma": NOISE}))

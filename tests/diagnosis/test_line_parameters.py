@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
+from by_pinocchio import placed
 from scipy.stats import chi2
 
 import gtpin
@@ -19,15 +20,12 @@ PHASE, PERIOD, AMPLITUDE, ECCENTRIC = 0.8, 2.0 * np.pi / 3.0, 4e-4, 1e-3
 def measured(seed: int, lower: float, upper: float, period: float, amplitude: float) -> gtpin.Dataset:
     """Poses of a UR5 by Pinocchio, one of whose joints has a periodic error and moves between two commands."""
     model = pin.buildModelFromXML(gtpin.load_robot("ur5").description.xml)
-    tool, data, rng = model.getFrameId("tool0"), model.createData(), np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     q = rng.uniform(-2.0, 2.0, (POSES, 6))
     q[:, JOINT] = rng.uniform(lower, upper, POSES)
-    moved, T = q.copy(), np.empty((POSES, 3))
+    moved = q.copy()
     moved[:, JOINT] += amplitude * np.cos(2.0 * np.pi * q[:, JOINT] / period - PHASE)
-    for i, row in enumerate(moved):
-        pin.framesForwardKinematics(model, data, row)
-        T[i] = data.oMf[tool].translation
-    T += NOISE * rng.standard_normal(T.shape)
+    T = placed(model, moved)[0] + NOISE * rng.standard_normal((POSES, 3))
     return gtpin.Dataset("ur5", [f"p{i}" for i in range(POSES)], q, T, instrument={"position_sigma": NOISE})
 
 

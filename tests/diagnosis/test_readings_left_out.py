@@ -1,6 +1,5 @@
 """Readings of instruments in the linear problem: what is left out, degrees of freedom, and errors that others can't predict."""
 
-import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -10,6 +9,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import binomtest, chi2
+from virtual_gantry import draw
+from virtual_instruments import Seen, cup, level, read, wire
 
 import gtpin
 from gtpin.calibration.left_out import LeftOutBlock
@@ -18,11 +19,6 @@ from gtpin.diagnosis.evidence import Marginal
 from gtpin.diagnosis.gap import blocks_of, leave_out
 from gtpin.diagnosis.prepare import Prepared, prepare
 from gtpin.model.measured_robot import robot_of
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "calibration"))
-
-from virtual_gantry import draw
-from virtual_instruments import Seen, cup, level, read, wire
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 

@@ -1,4 +1,4 @@
-"""One diagnosis of each kind of machine, quick enough for every run of the tests: a large hidden cause is named."""
+"""Diagnoses that are quick enough for every run of the tests: a large hidden cause is named (on rods: test_why.py)."""
 
 from pathlib import Path
 
@@ -10,12 +10,10 @@ from gtpin.bench.simulator.case import drawn_recipe
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 
-CAUSES = [("gantry_tau", "backlash", "cart2"), ("ur5", "joint_compliance", "shoulder_lift_joint")]
 
-
-@pytest.mark.parametrize(("robot", "effect", "site"), CAUSES)
-def test_a_large_cause_is_named(robot: str, effect: str, site: str) -> None:
-    case = make_case(71, effects=[(effect, site)], noncentrality=3000.0, poses=60, background=False, robot=robot)
+def test_a_large_cause_of_an_arm_is_named() -> None:
+    effect, site = "joint_compliance", "shoulder_lift_joint"
+    case = make_case(71, effects=[(effect, site)], noncentrality=3000.0, poses=60, background=False, robot="ur5")
     found = gtpin.diagnose(case.dataset)
     assert any((m.effect, m.site) == (effect, site) for cause in found.causes for m in cause.members)
 

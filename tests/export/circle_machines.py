@@ -14,6 +14,7 @@ from pathlib import Path
 import closures
 import numpy as np
 import pinocchio as pin
+from by_pinocchio import placed
 from scipy.spatial.transform import Rotation
 
 import gtpin
@@ -89,15 +90,6 @@ def of_rods(name: str, effect: str, rng: np.random.Generator) -> Machine:
         return plain.in_range(rng, count, 0.7)
 
     return Machine(name, name, follow(real), follow(plain), commands, effect, True)
-
-
-def placed(model: pin.Model, q: Floats, frame: str = "tool0") -> Poses:
-    data, number = model.createData(), model.getFrameId(frame)
-    T, R = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
-    for i, row in enumerate(q):
-        pin.framesForwardKinematics(model, data, row)
-        T[i], R[i] = data.oMf[number].translation, data.oMf[number].rotation
-    return T, R
 
 
 def arm(name: str, effect: str, rng: np.random.Generator) -> Machine:

@@ -16,7 +16,8 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
-from circle_machines import Floats, Journey, journey, off, placed
+from by_pinocchio import placed
+from circle_machines import Floats, Journey, journey, off
 from drawn_machines import told
 from printer_firmware import CONFIG_G, reprapfirmware
 from scipy.interpolate import RegularGridInterpolator

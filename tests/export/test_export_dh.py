@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from circle_machines import Floats, arm, off, placed
+from by_pinocchio import placed
+from circle_machines import Floats, arm, off
 from drawn_machines import told
 from scipy.spatial.transform import Rotation
 

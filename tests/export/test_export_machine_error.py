@@ -206,6 +206,7 @@ def test_the_tool_is_not_shown_where_the_place_of_every_target_was_unknown(
     assert replace(model, instruments=tuple(FittedInstrument(table) for table in tables)).free_target is free
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [0.05, 0.1, 0.2])
 def test_a_place_on_the_bed_stays_as_it_is_whatever_the_box(height: float, tmp_path: Path) -> None:
     """Also where the prior of the offsets is large, and the data seem to make them smaller."""

@@ -77,9 +77,9 @@ class Read:
         return max((float(np.abs(one.translation - other.translation).max()) for one, other in ends), default=0.0)
 
 
-@pytest.fixture(params=ROBOTS)
-def read(request: pytest.FixtureRequest, tmp_path: Path) -> Read:
-    return Read(machine(request.param)[0], tmp_path)
+@pytest.fixture(scope="module", params=ROBOTS)
+def read(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Read:
+    return Read(machine(request.param)[0], tmp_path_factory.mktemp("read"))
 
 
 @pytest.fixture

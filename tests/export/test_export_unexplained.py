@@ -13,7 +13,8 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
-from circle_machines import HIGH, LOW, TOLERANCE, Floats, placed
+from by_pinocchio import placed
+from circle_machines import HIGH, LOW, TOLERANCE, Floats
 
 import gtpin
 from gtpin.data import Commands

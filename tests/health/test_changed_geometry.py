@@ -2,37 +2,40 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from quick_first import quick_first
 from scipy.spatial.transform import Rotation
+from virtual_gantry import Machine, commands, draw, measured
 
 import gtpin
 from gtpin.effects.catalogue import effects_by_id
 from gtpin.typing import Floats
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "calibration"))
-from virtual_gantry import Machine, commands, draw, measured
-
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 
 
-def bent(machine: Machine, rod: str, by: float) -> Machine:
-    return replace(machine, gantry=machine.gantry.off({f"length[{rod}]": by}))
+def calibrated(seed: int) -> tuple[np.random.Generator, Machine, gtpin.Model]:
+    """A machine, and the model of it before anything changed."""
+    rng = np.random.default_rng(seed)
+    machine = draw(rng)
+    return rng, machine, gtpin.calibrate(measured(machine, commands(rng, 120), rng)).model
 
 
-@pytest.mark.parametrize(("seed", "rod", "by"), [(1, "3a", -3e-4), (2, "2b", 2e-4), (3, "1", -3e-4)])
+def changed(machine: Machine, name: str, by: float) -> Machine:
+    return replace(machine, gantry=machine.gantry.off({name: by}))
+
+
+@pytest.mark.parametrize(("seed", "rod", "by"), quick_first([(1, "3a", -3e-4), (2, "2b", 2e-4), (3, "1", -3e-4)]))
 def test_a_bent_rod_is_named_by_its_length_which_the_updated_geometry_has(
     seed: int, rod: str, by: float, tmp_path: Path
 ):
-    rng = np.random.default_rng(seed)
-    machine = draw(rng)
-    earlier = gtpin.calibrate(measured(machine, commands(rng, 120), rng)).model
+    rng, machine, earlier = calibrated(seed)
     q = commands(rng, 14)
-    now = bent(machine, rod, by)
+    now = changed(machine, f"length[{rod}]", by)
     found = gtpin.diagnose(measured(now, q, rng), against=earlier)
     assert found.verdict in ("explained", "ambiguous")
     (cause,) = found.causes
@@ -60,11 +63,9 @@ def test_a_bent_rod_is_named_by_its_length_which_the_updated_geometry_has(
         assert errors[1] < 0.4 * errors[0]
 
 
-@pytest.mark.parametrize("seed", [4, 5])
+@pytest.mark.parametrize("seed", quick_first([4, 5]))
 def test_an_unchanged_machine_has_no_changed_length(seed: int):
-    rng = np.random.default_rng(seed)
-    machine = draw(rng)
-    earlier = gtpin.calibrate(measured(machine, commands(rng, 120), rng)).model
+    rng, machine, earlier = calibrated(seed)
     found = gtpin.diagnose(measured(machine, commands(rng, 14), rng), against=earlier)
     assert found.verdict == "none"
     assert {c.site for c in found.candidates if c.effect == "length_change"} == {
@@ -72,13 +73,13 @@ def test_an_unchanged_machine_has_no_changed_length(seed: int):
     }
 
 
-@pytest.mark.parametrize(("seed", "cart", "axis", "by"), [(6, 2, "a", 5e-4), (7, 3, "b", -5e-4), (8, 2, "b", 4e-4)])
+@pytest.mark.parametrize(
+    ("seed", "cart", "axis", "by"), quick_first([(6, 2, "a", 5e-4), (7, 3, "b", -5e-4), (8, 2, "b", 4e-4)])
+)
 def test_a_track_that_was_turned_is_in_the_class_with_its_angle(seed: int, cart: int, axis: str, by: float):
     """The rods' joints move by the angle times the command; a track that is not straight can look like it."""
-    rng = np.random.default_rng(seed)
-    machine = draw(rng)
-    earlier = gtpin.calibrate(measured(machine, commands(rng, 120), rng)).model
-    now = replace(machine, gantry=machine.gantry.off({f"track_direction[cart{cart}].{axis}": by}))
+    rng, machine, earlier = calibrated(seed)
+    now = changed(machine, f"track_direction[cart{cart}].{axis}", by)
     found = gtpin.diagnose(measured(now, commands(rng, 24), rng), against=earlier)
     (cause,) = found.causes
     own = next(m for m in cause.members if (m.effect, m.site) == ("track_change", f"cart{cart}"))
@@ -88,13 +89,11 @@ def test_a_track_that_was_turned_is_in_the_class_with_its_angle(seed: int, cart:
         assert abs(own.parameters[name].value - true) < 4.0 * own.parameters[name].sigma
 
 
-@pytest.mark.parametrize("seed", [9, 10])
+@pytest.mark.parametrize("seed", quick_first([9, 10]))
 def test_the_updated_geometry_has_a_track_that_was_turned(seed: int):
     """Drive errors, which can look like it at these commands, are left out."""
-    rng = np.random.default_rng(seed)
-    machine = draw(rng)
-    earlier = gtpin.calibrate(measured(machine, commands(rng, 120), rng)).model
-    now = replace(machine, gantry=machine.gantry.off({"track_direction[cart2].a": 6e-4}))
+    rng, machine, earlier = calibrated(seed)
+    now = changed(machine, "track_direction[cart2].a", 6e-4)
     alike = ["straightness", "linearity", "encoder_scale", "thermal_track", "cross_coupling"]
     found = gtpin.diagnose(measured(now, commands(rng, 24), rng), against=earlier, exclude=alike)
     assert [(cause.effect, cause.site) for cause in found.causes] == [("track_change", "cart2")]
@@ -122,11 +121,9 @@ class BentTrack(Machine):
         return T, Rotation.from_matrix(R)
 
 
-@pytest.mark.parametrize(("seed", "cart"), [(11, 2), (12, 3)])
+@pytest.mark.parametrize(("seed", "cart"), quick_first([(11, 2), (12, 3)]))
 def test_a_track_that_was_bent_is_told_as_not_straight(seed: int, cart: int):
-    rng = np.random.default_rng(seed)
-    machine = draw(rng)
-    earlier = gtpin.calibrate(measured(machine, commands(rng, 120), rng)).model
+    rng, machine, earlier = calibrated(seed)
     now = BentTrack(machine.gantry, machine.deviations, cart=cart)
     found = gtpin.diagnose(measured(now, commands(rng, 40), rng), against=earlier)
     (cause,) = found.causes

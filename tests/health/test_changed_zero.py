@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from by_pinocchio import placed
 
 import gtpin
 from gtpin.export import export
@@ -14,15 +15,6 @@ from gtpin.export import export
 Floats = np.ndarray
 SIGMA, OFF, SHIFT, ELBOW = 1.5e-5, 5e-4, 4e-4, 2
 LOW, HIGH = np.array([-2.5, -2.4, 0.4, -2.5, 0.4, -2.5]), np.array([2.5, -0.3, 2.2, 2.5, 2.2, 2.5])
-
-
-def tool(model: pin.Model, q: Floats) -> Floats:
-    """(N, 3) the tool at commands."""
-    data, number, found = model.createData(), model.getFrameId("tool0"), np.empty((len(q), 3))
-    for n, row in enumerate(q):
-        pin.framesForwardKinematics(model, data, row)
-        found[n] = data.oMf[number].translation
-    return found
 
 
 @pytest.mark.slow
@@ -35,7 +27,7 @@ def test_a_zero_that_moved_is_in_the_updated_urdf(seed: int, tmp_path: Path) -> 
         real.jointPlacements[joint] = real.jointPlacements[joint] * pin.exp6(rng.normal(0.0, OFF, 6))
 
     def measured(q: Floats, shift: Floats) -> gtpin.Dataset:
-        seen = tool(real, q + shift) + SIGMA * rng.standard_normal((len(q), 3))
+        seen = placed(real, q + shift)[0] + SIGMA * rng.standard_normal((len(q), 3))
         return gtpin.Dataset("ur10", [f"p{n}" for n in range(len(q))], q, seen, None, {}, {"position_sigma": SIGMA})
 
     moved = SHIFT * np.eye(6)[ELBOW]
@@ -45,8 +37,8 @@ def test_a_zero_that_moved_is_in_the_updated_urdf(seed: int, tmp_path: Path) -> 
     export(found.model, tmp_path / "robot.urdf")
     updated, q = pin.buildModelFromUrdf(str(tmp_path / "robot.urdf")), rng.uniform(LOW, HIGH, (300, 6))
     before, after = (
-        np.sqrt(((at - tool(real, q + moved)) ** 2).sum(axis=1).mean())
-        for at in (earlier.predict(q).T, tool(updated, q))
+        np.sqrt(((at - placed(real, q + moved)[0]) ** 2).sum(axis=1).mean())
+        for at in (earlier.predict(q).T, placed(updated, q)[0])
     )
     assert before > 1e-4
     assert after < 2e-5

@@ -1,7 +1,6 @@
 """The machines' examples do what they say."""
 
 import importlib
-import importlib.util
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -10,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from closures import nominal
+from scripts import load
 
 import gtpin
 from gtpin.errors import RobotError
@@ -19,19 +19,10 @@ ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
 
 
-def load(path: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(Path(path).stem, EXAMPLES / path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.slow
 def test_tolerances_of_a_stewart_platform_spoil_what_its_jacobian_says() -> None:
     """Rms errors of 400 machines are known to 1 / sqrt(2 * 400 * 2) or 2.5 % at a pose; 4 of that."""
-    example = load("stewart_tolerances.py")
+    example = load("stewart_tolerances")
     robot = gtpin.load_robot("stewart")
     q = example.workspace(robot)
     assert ((q >= robot.lower) & (q <= robot.upper)).all()
@@ -41,7 +32,7 @@ def test_tolerances_of_a_stewart_platform_spoil_what_its_jacobian_says() -> None
 
 
 def test_a_log_of_jugglebot_becomes_the_dataset_that_it_says(tmp_path: Path) -> None:
-    example, closures = load("jugglebot/convert.py"), nominal("stewart_jugglebot")
+    example, closures = load("jugglebot/convert"), nominal("stewart_jugglebot")
     rng = np.random.default_rng(0)
     q = closures.in_range(rng, 60)
     made = closures.measured(q, rng)
@@ -73,7 +64,7 @@ orientation_y,orientation_z,orientation_w
 def test_jugglebot_s_own_log_is_read(tmp_path: Path) -> None:
     """The first leg's 13.21144 rev/m: 1.6767652 turns are 0.126917671 m."""
     (tmp_path / "log.csv").write_text(UPSTREAM)
-    load("jugglebot/convert.py").main([str(tmp_path / "log.csv"), str(tmp_path / "dataset")])
+    load("jugglebot/convert").main([str(tmp_path / "log.csv"), str(tmp_path / "dataset")])
     dataset = gtpin.Dataset.read(tmp_path / "dataset")
     np.testing.assert_allclose(dataset.q[0, 0], 0.126917671, atol=1e-9)
     np.testing.assert_allclose(dataset.position[1], [0.008406487, 0.003568390, 0.751117859], atol=1e-9)
@@ -85,7 +76,7 @@ def test_jugglebot_s_own_log_is_read(tmp_path: Path) -> None:
 def test_another_log_is_refused_in_one_line(tmp_path: Path, spoilt: str) -> None:
     (tmp_path / "log.csv").write_text(spoilt)
     with pytest.raises(SystemExit) as ended:
-        load("jugglebot/convert.py").main([str(tmp_path / "log.csv"), str(tmp_path / "dataset")])
+        load("jugglebot/convert").main([str(tmp_path / "log.csv"), str(tmp_path / "dataset")])
     assert str(ended.value.code).startswith(str(tmp_path / "log.csv"))
     assert "\n" not in str(ended.value.code)
     assert not (tmp_path / "dataset").exists()

@@ -139,7 +139,7 @@ def test_a_bed_beside_a_free_tracker_does_not_make_the_stated_error_larger_and_i
 
 @pytest.mark.parametrize(("frame", "common"), [("free", True), ("robot", False)])
 def test_a_first_screen_says_that_a_common_tilt_of_all_tracks_is_not_determined_where_it_is_not(frame, common) -> None:
-    geometry, rng, lean = DELTA.geometry, np.random.default_rng(2), 12e-3
+    geometry, rng, lean = DELTA.geometry, np.random.default_rng(2), 6e-3
     tracks = [name for name in geometry.names if name.startswith("track_direction") and name.endswith(".a")]
     truth = gtpin.Model(geometry.with_values(geometry.values + lean * (np.array(geometry.names) == tracks[1])))
     q = DELTA.robot.home_q + rng.uniform(-0.2, 0.2, (80, 3))

@@ -1,4 +1,4 @@
-"""The order of the package: a layer imports only those below it, and no files import each other in a circle."""
+"""The order of the package: a layer imports only those below it, no files import each other in a circle, no data is kept."""
 
 from __future__ import annotations
 
@@ -78,10 +78,8 @@ MODULES = modules()
 
 
 @cache
-def nodes(file: Path) -> tuple[ast.stmt, ...]:
-    """The imports and the classes of a file."""
-    wanted = (ast.Import, ast.ImportFrom, ast.ClassDef)
-    return tuple(node for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))) if isinstance(node, wanted))
+def nodes(file: Path) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
 
 
 def imports_of(file: Path) -> Iterator[str]:
@@ -242,7 +240,7 @@ def test_the_simulator_reads_and_imports_nothing_by_names_that_are_made_at_run_t
     for module, file in MODULES.items():
         if ".bench.simulator" not in module:
             continue
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        for node in nodes(file):
             if isinstance(node, ast.Import):
                 assert {alias.name.partition(".")[0] for alias in node.names} <= allowed, module
             elif isinstance(node, ast.ImportFrom):
@@ -267,3 +265,26 @@ def test_a_machine_is_made_without_anything_in_memory_that_shall_be_judged_by_it
     )
     made = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stderr
+
+
+SMALL = {"int", "bool", "str", "str | None", "frozenset[str]"}
+"""Types of the arguments by which something may be kept as long as the process: they hold no data."""
+
+
+def kept_for_the_process() -> list[tuple[str, list[str]]]:
+    """Functions of the package with a cache of the process, and the types of their arguments."""
+    found = []
+    for file in MODULES.values():
+        for node in nodes(file):
+            if not isinstance(node, ast.FunctionDef):
+                continue
+            if any(ast.unparse(one).split("(")[0].endswith(("cache", "lru_cache")) for one in node.decorator_list):
+                kinds = [ast.unparse(one.annotation) if one.annotation else "" for one in node.args.args]
+                found.append((f"{file.relative_to(PACKAGE)}: {node.name}", kinds))
+    return found
+
+
+def test_what_is_kept_as_long_as_the_process_depends_on_no_data() -> None:
+    found = kept_for_the_process()
+    assert found
+    assert [name for name, kinds in found if not {*kinds} <= SMALL] == []

@@ -15,7 +15,7 @@ import gtpin
 
 FIVE_BAR = Path(__file__).parents[2] / "examples/loops/five_bar.urdf"
 ROBOTS = ("ur5", "gantry_tau", "linear_delta", str(FIVE_BAR))
-THREADS, CALLS = 8, 240
+THREADS, CALLS = 8, 48
 
 
 @pytest.fixture(autouse=True)

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 import tomli_w
+from closures import Closures
 from scipy.spatial.transform import Rotation
-from virtual_gantry import CART, ROBOT, RODS, Gantry, commands
+from virtual_gantry import GANTRY, ROBOT, RODS, commands
 
 import gtpin
 
@@ -22,7 +23,7 @@ Floats = np.ndarray
 
 WIRE, TOUCH, SEAT, LEVEL, LASER, SPARE = 2e-5, 1e-5, 2e-5, 5e-5, 1.5e-5, 2e-5
 """Usual sigmas, m and rad."""
-CENTRE = Gantry.nominal().poses(np.zeros((1, 3)))[0][0]
+CENTRE = GANTRY.poses(np.zeros((1, 3)))[0][0]
 """Where the TCP is at zero commands, m."""
 TARGETS = {
     "A": (0.06, 0.0, 0.01),
@@ -71,7 +72,7 @@ def read(folder: Path, *seen: Seen, robot: str = "gantry_tau") -> gtpin.Dataset:
 
 
 def wire(
-    machine: Gantry,
+    machine: Closures,
     rng: np.random.Generator,
     count: int,
     *,
@@ -95,7 +96,7 @@ def wire(
 
 
 def bed(
-    machine: Gantry, rng: np.random.Generator, count: int, *, heights: bool = False, near: float | None = None
+    machine: Closures, rng: np.random.Generator, count: int, *, heights: bool = False, near: float | None = None
 ) -> Seen:
     """Touches of three planes by a tip; with ``heights``, a gauge reads how far the tip is over them instead.
 
@@ -140,7 +141,7 @@ def bed(
     return Seen(said, q, columns, truth, "t")
 
 
-def cup(machine: Gantry, rng: np.random.Generator, count: int, *, sockets: int = 6) -> Seen:
+def cup(machine: Closures, rng: np.random.Generator, count: int, *, sockets: int = 6) -> Seen:
     """Four targets seated in some sockets, of which the distances of two pairs are known."""
     points = CENTRE + rng.uniform(-1.0, 1.0, (sockets, 3)) * [0.2, 0.1, 0.1]
     targets = np.array(list(TARGETS.values()))
@@ -163,7 +164,7 @@ def cup(machine: Gantry, rng: np.random.Generator, count: int, *, sockets: int =
     return Seen(said, q, columns, truth, "s")
 
 
-def level(machine: Gantry, rng: np.random.Generator, count: int) -> Seen:
+def level(machine: Closures, rng: np.random.Generator, count: int) -> Seen:
     """A tilt sensor: the vertical, seen in its frame."""
     sigma, mount = LEVEL, 5e-3
     turn = rng.normal(0.0, mount, 3)
@@ -175,14 +176,13 @@ def level(machine: Gantry, rng: np.random.Generator, count: int) -> Seen:
     return Seen(said, q, {"tilt_x": seen[:, 0], "tilt_y": seen[:, 1]}, truth, "l")
 
 
-def spare(machine: Gantry, rng: np.random.Generator, count: int, joint: str) -> Seen:
+def spare(machine: Closures, rng: np.random.Generator, count: int, joint: str) -> Seen:
     """An encoder at a joint by which a rod hangs on the platform: the rod is along z, turned about y, then about x."""
     rod, turns = joint.removeprefix("link").split("_")
     i, rpy = RODS.index(rod), re.search(f'name="link{rod}_pitch".*?rpy="(.*?)"', ROBOT.description.xml, re.DOTALL)
     q = commands(rng, count)
     T, R = machine.poses(q)
-    C = machine.C[i] + (machine.s[i] * q[:, CART[i]])[:, None] * machine.v[i]
-    along = np.einsum("nji,nj->ni", R, C - T) - machine.P[i]
+    along = np.einsum("nji,nj->ni", R, machine.C(q)[:, i] - T) - machine.P[i]
     along = Rotation.from_euler("xyz", [float(v) for v in rpy[1].split()]).inv().apply(along)
     along /= np.linalg.norm(along, axis=1)[:, None]
     angle = np.arcsin(along[:, 0]) if turns == "yaw" else np.arctan2(-along[:, 1], along[:, 2])
@@ -192,7 +192,7 @@ def spare(machine: Gantry, rng: np.random.Generator, count: int, joint: str) -> 
     return Seen(said, q, {"reading": angle + off + rng.normal(0.0, SPARE, count)}, {f"{joint}.zero": off}, joint)
 
 
-def laser(machine: Gantry, rng: np.random.Generator, count: int, *, sigma: float = LASER) -> Seen:
+def laser(machine: Closures, rng: np.random.Generator, count: int, *, sigma: float = LASER) -> Seen:
     """A tracker anywhere, which sees a target known in the TCP frame."""
     turn, at = Rotation.from_rotvec(rng.normal(0.0, 0.7, 3)), rng.uniform(-3.0, 3.0, 3)
     q = commands(rng, count)
@@ -204,7 +204,7 @@ def laser(machine: Gantry, rng: np.random.Generator, count: int, *, sigma: float
     return Seen(said, q, dict(zip("xyz", seen.T, strict=True)), truth, "m")
 
 
-def camera(machine: Gantry, rng: np.random.Generator, count: int) -> Seen:
+def camera(machine: Closures, rng: np.random.Generator, count: int) -> Seen:
     """A tracker whose rows tell their own sigmas: along its line of sight, z, four times those across."""
     one = laser(machine, rng, count, sigma=0.0)
     sigma = rng.uniform(1.0, 4.0, (count, 1)) * np.array([2e-5, 2e-5, 8e-5])

@@ -1,17 +1,13 @@
-"""A Gantry-Tau of the tests' own: its closures, its manufacturing errors, its tracker.
-
-Only the nominal numbers come from gtpin. What a parameter means, how the closures are solved and how noise enters is written
-down here a second time.
-"""
+"""A Gantry-Tau of the tests' own closures: its manufacturing errors, and its tracker, whose noise is written down here."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from closures import Closures, nominal
 from scipy.spatial.transform import Rotation
 
 import gtpin
@@ -20,11 +16,10 @@ from gtpin.data import InstrumentSection
 Floats = np.ndarray
 
 RODS = ("1", "2a", "2b", "3a", "3b", "3c")
-CART = np.array([0, 1, 1, 2, 2, 2])
-"""The cart of each rod."""
 TOLERANCE = {"length": 1e-3, "platform_joint": 1e-3, "cart_joint": 2e-3, "track_direction": 1e-3, "scale": 5e-4}
 POSITION_SIGMA, ORIENTATION_SIGMA = 1.5e-5, 5e-5
 ROBOT = gtpin.load_robot("gantry_tau")
+GANTRY = nominal("gantry_tau")
 
 
 def names(directions: str = "actuator", scale: str | None = None) -> list[str]:
@@ -40,76 +35,10 @@ def tolerance(name: str) -> float:
 
 
 @dataclass(frozen=True)
-class Gantry:
-    """|T + R P - C - s q v| = L: joints P, C (6, 3), lengths L (6,), track directions v (6, 3), drive scales s (6,)."""
-
-    P: Floats
-    C: Floats
-    L: Floats
-    v: Floats
-    s: Floats = field(default_factory=lambda: np.ones(6))
-
-    @staticmethod
-    def nominal() -> Gantry:
-        return Gantry(
-            np.array([rod.P for rod in ROBOT.rods]),
-            np.array([rod.C for rod in ROBOT.rods]),
-            np.array([rod.L for rod in ROBOT.rods]),
-            np.array([ROBOT.actuators[i].axis for i in CART]),
-        )
-
-    def off(self, deviations: Mapping[str, float]) -> Gantry:
-        """The machine with parameters off by so much, m and rad."""
-        P, C, L, s = self.P.copy(), self.C.copy(), self.L.copy(), self.s.copy()
-        turns = np.zeros((6, 2))
-        for name, value in deviations.items():
-            kind, owner, axis = re.fullmatch(r"(\w+)\[(\w+)\]\.?(\w?)", name).groups()
-            rods = [RODS.index(owner)] if owner in RODS else list(np.flatnonzero(int(owner[-1]) - 1 == CART))
-            if kind == "length":
-                L[rods] += value
-            elif kind == "scale":
-                s[rods] += value
-            elif kind == "track_direction":
-                turns[rods, "ab".index(axis)] += value
-            else:
-                (P if kind == "platform_joint" else C)[rods, "xyz".index(axis)] += value
-        return Gantry(P, C, L, np.array([_turned(v, turn) for v, turn in zip(self.v, turns, strict=True)]), s)
-
-    def poses(self, q: Floats) -> tuple[Floats, Floats]:
-        """Positions (N, 3) and rotations (N, 3, 3) at commands q (N, 3), followed from home by Newton's method."""
-        home = ROBOT.description.home
-        T = np.tile(np.array(home.tcp_xyz), (len(q), 1))
-        R = np.tile(Rotation.from_rotvec(home.tcp_rotvec).as_matrix(), (len(q), 1, 1))
-        for fraction in np.linspace(0.0, 1.0, 8):
-            last = fraction == 1.0
-            C = self.C + (fraction * self.s * q[:, CART])[..., None] * self.v
-            for _ in range(8 if last else 2):
-                RP = self.P @ np.swapaxes(R, 1, 2)
-                d = T[:, None] + RP - C
-                gap = (np.einsum("nki,nki->nk", d, d) - self.L**2) / 2.0
-                step = np.linalg.solve(np.concatenate([d, np.cross(RP, d)], axis=2), -gap[..., None])[..., 0]
-                T = T + step[:, :3]
-                R = Rotation.from_rotvec(step[:, 3:]).as_matrix() @ R
-                size = np.abs(step).max()
-                if last and size < 1e-13:
-                    break
-        assert size < 1e-12
-        return T, R
-
-
-def _turned(v: Floats, turn: Floats) -> Floats:
-    """A track turned by a about the base axis least aligned with it (less its part along it) and by b about v x a."""
-    least = np.eye(3)[np.argmin(np.abs(v))]
-    a = least - (least @ v) * v
-    a /= np.linalg.norm(a)
-    return Rotation.from_rotvec(turn[0] * a + turn[1] * np.cross(v, a)).apply(v)
-
-
-@dataclass(frozen=True)
 class Machine:
     """A machine whose truth is known, and the tracker's view of it."""
 
-    gantry: Gantry
+    gantry: Closures
     deviations: dict[str, float]
     view: tuple[Rotation, Floats] | None = None
 
@@ -124,7 +53,7 @@ def draw(rng: np.random.Generator, parameters: list[str] | None = None, free: bo
     """A machine off by normal draws from its tolerances; with ``free``, watched from anywhere."""
     deviations = {name: tolerance(name) * rng.standard_normal() for name in parameters or names()}
     view = (Rotation.from_quat(rng.standard_normal(4)), rng.uniform(-10.0, 10.0, 3)) if free else None
-    return Machine(Gantry.nominal().off(deviations), deviations, view)
+    return Machine(GANTRY.off(deviations), deviations, view)
 
 
 def commands(rng: np.random.Generator, count: int) -> Floats:
