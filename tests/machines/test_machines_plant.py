@@ -55,7 +55,11 @@ def test_guideways_err_only_where_there_are_any(name: str) -> None:
     levers = any(sum(rod.carrier == robot.sites.index(site) for rod in robot.rods) > 1 for site in sliding)
     names = {k.name for k in listed(robot)}
     assert GUIDES - names == (set() if levers else {"cart_rotation"} if sliding else GUIDES)
-    assert list(kind("straightness", robot).sites(robot)) == sliding
+    if sliding:
+        assert list(kind("straightness", robot).sites(robot)) == sliding
+    else:
+        with pytest.raises(gtpin.GtpinError, match="straightness can't be on"):
+            kind("straightness", robot)
     assert kind("linearity", robot).sites(robot) == robot.sites
 
 
