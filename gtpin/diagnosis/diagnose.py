@@ -46,12 +46,8 @@ from gtpin.diagnosis.noise import (
     SearchState,
     ShownNoise,
     floor_of,
-    searchable_rows,
-    settle,
-    understated_noise,
-    warn_of_noise,
 )
-from gtpin.diagnosis.prepare import Prepared, prepare
+from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.diagnosis.result import (
     Cause,
@@ -62,14 +58,14 @@ from gtpin.diagnosis.result import (
     HoldOut,
 )
 from gtpin.diagnosis.search import strongest_first
-from gtpin.diagnosis.tolerances import explained_within
+from gtpin.diagnosis.tolerances import begun
 from gtpin.diagnosis.trials import Known
 from gtpin.diagnosis.verdict import Conclusion, considered, infer, undecided, with_also
 from gtpin.diagnosis.why import why_of
 from gtpin.effects.catalogue import catalogue
-from gtpin.effects.driver import InstrumentAxes, driver_effects
+from gtpin.effects.driver import driver_effects
 from gtpin.effects.effect import Effect
-from gtpin.errors import ConvergenceError, GtpinError, ModelError, check_kind, deferred, noted, warn
+from gtpin.errors import ConvergenceError, ModelError, check_kind, noted, warn
 from gtpin.memory import require
 from gtpin.model.measured_robot import check_same_robot, measuring, robot_of
 from gtpin.model.model import Model
@@ -267,7 +263,7 @@ def _diagnose(
     rng, priors = generator(seed), scope.priors
 
     # 1. Prepare. 2. Propose hypotheses, and settle the noise and which rows are gross errors.
-    prepared, scope, settled = _settled(dataset, nominal, known, scope, hold_out, rng, report)
+    prepared, scope, settled = begun(dataset, nominal, known, scope, hold_out, rng, report)
     hypotheses, searched, recorded = settled.hypotheses, settled.searched, prepared.recorded
 
     # 3. Infer which hypotheses are causes, and apply the doubts that need no fit. The checks always leave out neighbours.
@@ -376,62 +372,6 @@ def _diagnose(
     )
 
 
-def _settled(
-    dataset: Dataset,
-    nominal: Chain,
-    known: Sequence[Effect],
-    scope: Scope,
-    hold_out: HoldOut,
-    rng: np.random.Generator,
-    report: Progress,
-) -> tuple[Prepared, Scope, SearchState]:
-    """The first two steps, with the effects of drivers in the scope; the arguments are those of :func:`_diagnose`.
-
-    Where the calibration had to widen tolerances, and causes with the given ones explain the data as well: with these.
-    """
-    with deferred() as texts:
-        prepared, whole, settled = _begun(dataset, nominal, known, scope, hold_out, rng, report, widen=True)
-        calibrated = prepared.baseline.model
-        if calibrated.geometry.is_widened and not calibrated.doubt:
-            of_wider = [*texts]
-            try:
-                within = prepare(dataset, nominal, report, scope.priors, widen=False)
-                better = explained_within(within, settled, whole)
-            except GtpinError:  # no fit without wider tolerances
-                better = False
-            texts[:] = [] if better else of_wider
-            if better:
-                return _begun(dataset, nominal, known, scope, hold_out, rng, report, widen=False)
-        return prepared, whole, settled
-
-
-def _begun(
-    dataset: Dataset,
-    nominal: Chain,
-    known: Sequence[Effect],
-    scope: Scope,
-    hold_out: HoldOut,
-    rng: np.random.Generator,
-    report: Progress,
-    *,
-    widen: bool,
-) -> tuple[Prepared, Scope, SearchState]:
-    """As :func:`_settled`; ``widen``: whether tolerances that the data contradict are widened."""
-    # 1. Prepare: usable rows and columns, calibrated.
-    prepared = prepare(dataset, nominal, report, scope.priors, widen=widen)
-    if small := understated_noise(prepared, scope):
-        # Of a sigma that visits contradict, the calibration has warned, and the verdict has the visits' own.
-        warn_of_noise({key: sizes for key, sizes in small.items() if getattr(prepared.baseline.noise, key) == sizes[0]})
-        prepared = prepared.undeclared(small, nominal, report, scope.priors, widen=widen)
-    check_hold_out(prepared.dataset, hold_out)  # again: the preparation may have left out the column
-    if dataset.drivers:
-        scope = replace(scope, effects=(*known, *driver_effects(dataset, nominal, _instrument(prepared))))
-
-    # 2. Propose hypotheses, and settle the noise and which rows are gross errors.
-    report("searching for causes", 0, float(np.sqrt(prepared.baseline.chi2_per_dof)))
-    return prepared, scope, settle(prepared, searchable_rows(prepared, scope.priors), scope, rng)
-
-
 def _fitted(prepared: Prepared, settled: SearchState, found: Conclusion) -> tuple[Model, list[Cause]]:
     """The model fitted with the causes, and the causes with their parameters."""
     named: Sequence[Hypothesis] = list(found.classes)
@@ -440,10 +380,3 @@ def _fitted(prepared: Prepared, settled: SearchState, found: Conclusion) -> tupl
     ordered = [strongest_first(settled.hypotheses, found.model, c) for c in named]
     model = fit_together(settled.everything, prepared.baseline.model, ordered, scale, settled.references)
     return model, [cause(model, own, found, c, settled.hypotheses) for c, own in zip(named, ordered, strict=True)]
-
-
-def _instrument(prepared: Prepared) -> InstrumentAxes:
-    """The instrument's origin and axes in the base frame."""
-    frame, station = prepared.baseline.model.frame, prepared.recorded.instrument.station
-    origin = np.zeros(3) if station is None else np.array(station)
-    return InstrumentAxes(frame.R.T @ (origin - frame.T), frame.R.T)

@@ -1,4 +1,4 @@
-"""Whether a part is farther from nominal than its tolerance, or a cause explains what looks like it.
+"""The first two steps of a diagnosis: is a part farther from nominal than its tolerance, or does a cause look like it?
 
 A calibration knows no effects. Where one acts that the geometry can follow, parameters move beyond their tolerances, and these
 are widened: joints of a soft rod by 70 mm, the zero of a joint whose axis wobbles by 2.5 degrees. The effect is then a part of
@@ -7,19 +7,89 @@ the geometry, and no cause. Both explanations are compared by their log marginal
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from gtpin.calibration.checks.limits import CONFLICT
+from gtpin.calibration.robust_fit import Progress
+from gtpin.data import Dataset
 from gtpin.diagnosis.design import Design, Observed
 from gtpin.diagnosis.evidence import Posterior
-from gtpin.diagnosis.gap import blocks_of, leave_out
+from gtpin.diagnosis.gap import blocks_of, check_hold_out, leave_out
 from gtpin.diagnosis.hypothesis import Scope, Term
-from gtpin.diagnosis.noise import SearchState
-from gtpin.diagnosis.prepare import Prepared
+from gtpin.diagnosis.noise import SearchState, searchable_rows, settle, understated_noise, warn_of_noise
+from gtpin.diagnosis.prepare import Prepared, prepare
 from gtpin.diagnosis.propose import propose
+from gtpin.diagnosis.result import HoldOut
 from gtpin.diagnosis.search import HypothesisSet, rough_guess, smooth_of
+from gtpin.effects.driver import InstrumentAxes, driver_effects
+from gtpin.effects.effect import Effect
+from gtpin.errors import GtpinError, deferred
+from gtpin.robot.chain import Chain
+
+
+def begun(
+    dataset: Dataset,
+    nominal: Chain,
+    known: Sequence[Effect],
+    scope: Scope,
+    hold_out: HoldOut,
+    rng: np.random.Generator,
+    report: Progress,
+) -> tuple[Prepared, Scope, SearchState]:
+    """The first two steps of a diagnosis: the data prepared and calibrated, the scope with the effects of the dataset's
+    drivers, and noise and hypotheses of a first search.
+
+    Where the calibration widened tolerances, and causes with the given ones explain the data as well: with these.
+    ``known``: the effects without those of drivers.
+    """
+    with deferred() as texts:
+        prepared, whole, settled = _begun(dataset, nominal, known, scope, hold_out, rng, report, widen=True)
+        calibrated = prepared.baseline.model
+        if calibrated.geometry.is_widened and not calibrated.doubt:
+            of_wider = [*texts]
+            try:
+                within = prepare(dataset, nominal, report, scope.priors, widen=False)
+                better = explained_within(within, settled, whole)
+            except GtpinError:  # no fit without wider tolerances
+                better = False
+            texts[:] = [] if better else of_wider
+            if better:
+                return _begun(dataset, nominal, known, scope, hold_out, rng, report, widen=False)
+        return prepared, whole, settled
+
+
+def _begun(
+    dataset: Dataset,
+    nominal: Chain,
+    known: Sequence[Effect],
+    scope: Scope,
+    hold_out: HoldOut,
+    rng: np.random.Generator,
+    report: Progress,
+    *,
+    widen: bool,
+) -> tuple[Prepared, Scope, SearchState]:
+    """As :func:`begun`; ``widen``: whether tolerances that the data contradict are widened."""
+    prepared = prepare(dataset, nominal, report, scope.priors, widen=widen)
+    if small := understated_noise(prepared, scope):
+        # Of a sigma that visits contradict, the calibration has warned, and the verdict has the visits' own.
+        warn_of_noise({key: sizes for key, sizes in small.items() if getattr(prepared.baseline.noise, key) == sizes[0]})
+        prepared = prepared.undeclared(small, nominal, report, scope.priors, widen=widen)
+    check_hold_out(prepared.dataset, hold_out)  # again: the preparation may have left out the column
+    if dataset.drivers:
+        scope = replace(scope, effects=(*known, *driver_effects(dataset, nominal, _instrument(prepared))))
+    report("searching for causes", 0, float(np.sqrt(prepared.baseline.chi2_per_dof)))
+    return prepared, scope, settle(prepared, searchable_rows(prepared, scope.priors), scope, rng)
+
+
+def _instrument(prepared: Prepared) -> InstrumentAxes:
+    """The instrument's origin and axes in the base frame."""
+    frame, station = prepared.baseline.model.frame, prepared.recorded.instrument.station
+    origin = np.zeros(3) if station is None else np.array(station)
+    return InstrumentAxes(frame.R.T @ (origin - frame.T), frame.R.T)
 
 
 def explained_within(within: Prepared, settled: SearchState, scope: Scope) -> bool:
