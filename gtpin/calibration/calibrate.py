@@ -73,6 +73,7 @@ def calibrate(
     free: Iterable[str] = (),
     bounds: Mapping[str, tuple[float, float]] | None = None,
     keep_effects: Iterable[ActiveEffect] = (),
+    widen: bool = True,
     poses: int | None = None,
     trust_data: bool = False,
     progress: Progress | None = None,
@@ -105,6 +106,8 @@ def calibrate(
     keep_effects
         Effects of an earlier model of the machine (``model.effects``), which stay as they are: the same machine with another
         tool or instrument. See :func:`~gtpin.calibration.kept_effects.with_kept_effects`.
+    widen
+        Whether tolerances that the data contradict are widened. An effect, of which a calibration has none, can be the reason.
     poses
         Number of poses that are used of a dataset with more: see :func:`~gtpin.calibration.thinning.thinned`. None: all.
     trust_data
@@ -184,7 +187,7 @@ def calibrate(
 
         def calibrated(data: Dataset) -> Calibration:
             data, lacking = data if model is None else without_sigmas(data), model is not None
-            fitted = partial(_calibrated, data, doubt=not (lacking or without or fixed), lacking=lacking)
+            fitted = partial(_calibrated, data, doubt=not (lacking or without or fixed), lacking=lacking, widen=widen)
             chosen = geometry
             while limits:
                 with unheard():
@@ -214,16 +217,13 @@ def calibrate_geometry(
     geometry: Geometry,
     progress: Progress | None = None,
     *,
-    doubt: bool = False,
     lacking: bool = False,
-    widen: bool = True,
 ) -> Calibration:
     """Identify the parameters of a given nominal geometry. A reduced arm is fitted to positions only.
 
-    ``doubt``: whether the declared noise, frame and tolerances are checked too. ``lacking``, ``widen``: as for
-    :class:`~gtpin.calibration.robust_fit.RobustFit`.
+    ``lacking``: as for :class:`~gtpin.calibration.robust_fit.RobustFit`.
     """
-    return _calibrated(dataset, geometry, progress, doubt=doubt, lacking=lacking, widen=widen)
+    return _calibrated(dataset, geometry, progress, doubt=False, lacking=lacking)
 
 
 def _warn_of_unused(dataset: Dataset, nominal: Callable[..., Geometry]) -> None:
@@ -266,7 +266,7 @@ def _calibrated(
     lacking: bool,
     widen: bool = True,
 ) -> Calibration:
-    """Fit: see :func:`calibrate_geometry`."""
+    """Fit; with ``doubt``, also check the declared noise, frame and tolerances. ``lacking``, ``widen``: as for `RobustFit`."""
     needed = FIXED + PER_POSE * len(dataset)
     require(f"calibrating {len(dataset):,} poses", needed)
     if progress is not None and len(dataset) >= ANNOUNCED_POSES:

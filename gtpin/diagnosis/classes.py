@@ -147,9 +147,9 @@ def _smooth_log_odds(
     """Log odds of each smooth term that competes with a cause, whose gain is ``gained``, nats, and whose log odds are given.
 
     ``unknown``: whether smooth terms are in the model, or something ``unlisted`` acts. Then nothing is against those of the
-    cause's own site and coordinates; beside a profile they gain in addition what an unlisted effect departs from a smooth
-    function: as much as a cause departs from its equation. A mechanism's equation has fewer coefficients, and where it gains
-    more it explains more. Study: examples/planted (a gear's line beside the rough errors of other joints).
+    cause's own site and coordinates; beside a profile or a description they gain in addition what an unlisted effect departs
+    from a smooth function: as much as a cause departs from its equation. A mechanism's equation has fewer coefficients, and
+    where it gains more it explains more. Study: examples/planted (a gear's line beside the rough errors of other joints).
 
     A profile (a track that is not straight, several lines of a drive) follows any function of its own command. It has no
     equation from which a machine could depart, so nothing is added for a departure where a smooth term has other coordinates:
@@ -159,7 +159,8 @@ def _smooth_log_odds(
     """
     priors, robot = hypotheses.priors, hypotheses.design.operating_points.robot
     temperature, clock = priors.temperature_of(gained), cause.clock(robot)
-    free = cause.effect.nature_of(cause.lines) == "profile"
+    nature = cause.effect.nature_of(cause.lines)
+    free, mechanism = nature == "profile", nature == "mechanism"
     found = {}
     for term, gain in hypotheses.gains(rest, unnamed(hypotheses, cause)).items():
         same_clock = frozenset(term.over) == clock
@@ -170,7 +171,7 @@ def _smooth_log_odds(
             continue
         departure = priors.departure * max(gained, 0.0)
         if unknown and term.site == cause.site and set(term.over) <= cause.drivers(robot):
-            against = -departure if free else 0.0
+            against = 0.0 if mechanism else -departure
         elif unlisted:
             against = 0.0
         else:

@@ -118,8 +118,8 @@ def _by_forms(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothes
     """Gain in log evidence, nats, of each flexible family in the place of one by its forms; empty where all gain too little.
 
     Enough is what the family itself gains and what any smooth term gains, less their prior odds: what they gain beyond forms
-    is a motion without a name. The family itself counts with all its functions where these gain more: a motion that its forms
-    do not have, such as a short wave, is not another family's.
+    is a motion without a name. Where its own forms are enough, the family counts with all its functions: what they gain
+    beyond the forms, such as a short wave, is not another family's.
     """
     rest = without(hypotheses.groups, model, cause, sweeps=1)
     own = model.log_evidence - rest.log_evidence
@@ -130,7 +130,9 @@ def _by_forms(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothes
     gains = {family: _gain_of_forms(hypotheses, rest, family) for family in families}
     priors = hypotheses.priors
     least = max((1.0 - priors.modulation) * own, smooth - priors.departure * own) - priors.unnamed
-    return {**gains, cause: max(gains[cause], own)} if max(gains.values()) >= least else {}
+    if gains[cause] >= least:
+        gains[cause] = max(gains[cause], own)
+    return gains if max(gains.values()) >= least else {}
 
 
 def _gain_of_forms(hypotheses: HypothesisSet, rest: Posterior[Term], family: Hypothesis) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtpin.calibration.calibrate import calibrate, calibrate_geometry
+from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.prior_conflict import PLACES
 from gtpin.calibration.free_target import with_free_target
@@ -21,7 +21,6 @@ from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.errors import DatasetError
 from gtpin.instruments.readings import Readings, single
 from gtpin.model.model import Model
-from gtpin.paper.geometry import nominal_geometry
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
 
@@ -76,11 +75,7 @@ def prepare(
     )
     if dataset.readings.tracked:
         _check_size(usable, len(geometry.parameters) + (6 if usable.instrument.frame == "free" else 0))
-    if widen:
-        baseline = calibrate(usable, nominal, progress=progress)
-    else:
-        within = nominal_geometry(nominal, tolerance=usable.tolerance)
-        baseline = calibrate_geometry(usable, within, progress, doubt=True, widen=False)
+    baseline = calibrate(usable, nominal, widen=widen, progress=progress)
     places = tuple(
         table.model_copy(update={key: getattr(fitted, key) for key in _OF_PLACES if hasattr(fitted, key)})
         for table, fitted in zip(usable.readings.tables, baseline.fit.problem.measured.rows.tables, strict=True)

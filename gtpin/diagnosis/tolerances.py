@@ -2,7 +2,8 @@
 
 A calibration knows no effects. Where one acts that the geometry can follow, parameters move beyond their tolerances, and these
 are widened: joints of a soft rod by 70 mm, the zero of a joint whose axis wobbles by 2.5 degrees. The effect is then a part of
-the geometry, and no cause. Both explanations are compared by their log marginal likelihood, of the same rows and noise.
+the geometry, and no cause. Both explanations are compared by their log marginal likelihood, of the same rows and with the
+noise of the first.
 """
 
 from __future__ import annotations
@@ -50,14 +51,14 @@ def begun(
         calibrated = prepared.baseline.model
         if calibrated.geometry.is_widened and not calibrated.doubt:
             of_wider = [*texts]
+            texts.clear()
             try:
-                within = prepare(dataset, nominal, report, scope.priors, widen=False)
-                better = explained_within(within, settled, whole)
+                if explained_within(prepare(dataset, nominal, report, scope.priors, widen=False), settled, whole):
+                    texts.clear()
+                    return _begun(dataset, nominal, known, scope, hold_out, rng, report, widen=False)
             except GtpinError:  # no fit without wider tolerances
-                better = False
-            texts[:] = [] if better else of_wider
-            if better:
-                return _begun(dataset, nominal, known, scope, hold_out, rng, report, widen=False)
+                pass
+            texts[:] = of_wider
         return prepared, whole, settled
 
 
@@ -97,16 +98,24 @@ def explained_within(within: Prepared, settled: SearchState, scope: Scope) -> bo
     it has ``settled``: with a log marginal likelihood that is lower by `CONFLICT` at most.
 
     Where smooth terms are needed too, which the model that users get does not have, the geometry within its tolerances must
-    also predict poses that are left out as well.
+    also predict poses that are left out as well. Not where the two calibrations differ in what is free of the instruments.
     """
-    seen = Observed.of(settled.searched, within.baseline)
+    wide = settled.searched
+    same = wide.instrument == within.dataset.instrument and wide.readings.tables == within.dataset.readings.tables
+    if not (same and within.baseline.model.kinematics.forward(wide.q).reached.all()):
+        return False
+    seen = Observed.of(wide, within.baseline)
     seen = replace(seen, noise=settled.observed.noise, weight=settled.observed.weight)
     design = seen.design(within.baseline.model)
     hypotheses = propose(design, scope)
     found = rough_guess(hypotheses, settled.guess)
     if _log_likelihood(hypotheses, found) + CONFLICT < _log_likelihood(settled.hypotheses, settled.guess):
         return False
-    return not smooth_of(found) or _left_out(design, settled) <= _left_out(settled.hypotheses.design, settled)
+    return not smooth_of(found) or _left_out(design, settled) <= AS_WELL
+
+
+AS_WELL = 1.05
+"""Ratio of squared errors at left-out poses up to which one geometry predicts as well as another. Assumed."""
 
 
 def _log_likelihood(hypotheses: HypothesisSet, model: Posterior[Term]) -> float:
@@ -116,6 +125,10 @@ def _log_likelihood(hypotheses: HypothesisSet, model: Posterior[Term]) -> float:
 
 
 def _left_out(design: Design, settled: SearchState) -> float:
-    """Sum of squares of the errors of the geometry alone at poses of regions that are left out, m^2."""
-    blocks = blocks_of(settled.searched, "region", np.random.default_rng(0))
-    return float((leave_out(design, np.zeros((len(design.y), 0)), blocks).errors ** 2).sum())
+    """Squares of the errors of a geometry alone at poses of regions that are left out, over those of the wider one; times the
+    same ratio of orientations, where these are measured."""
+    blocks, ratio = blocks_of(settled.searched, "region", np.random.default_rng(0)), 1.0
+    own, wide = (leave_out(one, np.zeros((len(one.y), 0)), blocks) for one in (design, settled.hypotheses.design))
+    for mine, other in ((own.errors, wide.errors), (own.turned, wide.turned)):
+        ratio *= float((mine**2).sum() / (other**2).sum()) if other.any() else 1.0
+    return ratio

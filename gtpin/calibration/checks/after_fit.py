@@ -242,7 +242,7 @@ def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit, *, doubt: b
     else:
         warn_of_far_parameters(settled, settled.geometry.tolerance)
     if not found.doubt:
-        check_moved(given, settled.fit.point.model.geometry, fit.whole.start.geometry, near, fit.found)
+        check_moved(given, found.fit.point.model.geometry, fit.whole.start.geometry, near, fit.found)
     _warn_of_deviations(found)
     return found
 

@@ -81,7 +81,7 @@ def without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
 
     Warns: of this. Where a target that is not where it is declared explains the contradiction better, only of the target.
     Tolerances are not widened where a part would then be farther off than of any machine, and the geometry without this leaves
-    less than most mistakes do: what contradicts them is then no geometry, as a soft rod whose joints can take up its deviation.
+    less than most mistakes do. A soft rod is an example: joints that sit elsewhere can take up what it gives way.
     """
     admitted, text = _admitted(fit, settled)
     fitted = admitted.fit.point.model.geometry
@@ -92,16 +92,19 @@ def without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
         except ConvergenceError:
             plain = admitted
         left = plain.fit.problem.raw_residual(plain.fit.point, plain.fit.point.poses)[:, :3]
-        if plain is not admitted and np.sqrt((left**2).sum(axis=1).mean()) < limits.POOR:
-            warn(
-                f"the geometry does not explain these data: with wider tolerances it would move {far}; they are not widened"
-            )
+        stays = plain is not admitted and not moved_too_far(
+            plain.fit.point.model.geometry, settled.geometry, fit.near, fit.found
+        )
+        if stays and np.sqrt((left**2).sum(axis=1).mean()) < limits.POOR:
+            kept = f"with wider tolerances it would move {far}, so the tolerances are kept"
+            warn(f"the geometry does not explain these data: {kept}")
             return without_prior_conflict(within, plain)
     if text and (doubt := _elsewhere_on_platform(fit, admitted)):
         warn(doubt)
         return replace(admitted, doubt=doubt)
     anywhere, told = about_track(settled.fit.point.model.geometry), zeros_off(admitted) in text
-    warn_of_far_parameters(admitted, settled.geometry.tolerance, anywhere, told)
+    if fit.widen:  # else causes may explain what is far off
+        warn_of_far_parameters(admitted, settled.geometry.tolerance, anywhere, told)
     if text:
         warn(text)
     return admitted
