@@ -213,11 +213,7 @@ def calibrate(
 
 @in_one_thread
 def calibrate_geometry(
-    dataset: Dataset,
-    geometry: Geometry,
-    progress: Progress | None = None,
-    *,
-    lacking: bool = False,
+    dataset: Dataset, geometry: Geometry, progress: Progress | None = None, *, lacking: bool = False
 ) -> Calibration:
     """Identify the parameters of a given nominal geometry. A reduced arm is fitted to positions only.
 

@@ -46,44 +46,37 @@ def begun(
     Where the calibration widened tolerances, and causes with the given ones explain the data as well: with these.
     ``known``: the effects without those of drivers.
     """
+
+    def first(widen: bool) -> tuple[Prepared, Scope, SearchState]:
+        prepared = prepare(dataset, nominal, report, scope.priors, widen=widen)
+        if small := understated_noise(prepared, scope):
+            # Of a sigma that visits contradict, the calibration has warned, and the verdict has the visits' own.
+            own = {key: sizes for key, sizes in small.items() if getattr(prepared.baseline.noise, key) == sizes[0]}
+            warn_of_noise(own)
+            prepared = prepared.undeclared(small, nominal, report, scope.priors, widen=widen)
+        check_hold_out(prepared.dataset, hold_out)  # again: the preparation may have left out the column
+        effects = scope.effects
+        if dataset.drivers:
+            effects = (*known, *driver_effects(dataset, nominal, _instrument(prepared)))
+        with_drivers = replace(scope, effects=effects)
+        report("searching for causes", 0, float(np.sqrt(prepared.baseline.chi2_per_dof)))
+        return prepared, with_drivers, settle(prepared, searchable_rows(prepared, scope.priors), with_drivers, rng)
+
     with deferred() as texts:
-        prepared, whole, settled = _begun(dataset, nominal, known, scope, hold_out, rng, report, widen=True)
+        prepared, with_drivers, settled = first(widen=True)
         calibrated = prepared.baseline.model
         if calibrated.geometry.is_widened and not calibrated.doubt:
             of_wider = [*texts]
             texts.clear()
             try:
-                if explained_within(prepare(dataset, nominal, report, scope.priors, widen=False), settled, whole):
+                within = prepare(dataset, nominal, report, scope.priors, widen=False)
+                if explained_within(within, settled, with_drivers):
                     texts.clear()
-                    return _begun(dataset, nominal, known, scope, hold_out, rng, report, widen=False)
+                    return first(widen=False)
             except GtpinError:  # no fit without wider tolerances
                 pass
             texts[:] = of_wider
-        return prepared, whole, settled
-
-
-def _begun(
-    dataset: Dataset,
-    nominal: Chain,
-    known: Sequence[Effect],
-    scope: Scope,
-    hold_out: HoldOut,
-    rng: np.random.Generator,
-    report: Progress,
-    *,
-    widen: bool,
-) -> tuple[Prepared, Scope, SearchState]:
-    """As :func:`begun`; ``widen``: whether tolerances that the data contradict are widened."""
-    prepared = prepare(dataset, nominal, report, scope.priors, widen=widen)
-    if small := understated_noise(prepared, scope):
-        # Of a sigma that visits contradict, the calibration has warned, and the verdict has the visits' own.
-        warn_of_noise({key: sizes for key, sizes in small.items() if getattr(prepared.baseline.noise, key) == sizes[0]})
-        prepared = prepared.undeclared(small, nominal, report, scope.priors, widen=widen)
-    check_hold_out(prepared.dataset, hold_out)  # again: the preparation may have left out the column
-    if dataset.drivers:
-        scope = replace(scope, effects=(*known, *driver_effects(dataset, nominal, _instrument(prepared))))
-    report("searching for causes", 0, float(np.sqrt(prepared.baseline.chi2_per_dof)))
-    return prepared, scope, settle(prepared, searchable_rows(prepared, scope.priors), scope, rng)
+        return prepared, with_drivers, settled
 
 
 def _instrument(prepared: Prepared) -> InstrumentAxes:

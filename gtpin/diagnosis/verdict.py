@@ -315,7 +315,7 @@ def _apart(hypotheses: HypothesisSet, model: Posterior[Term]) -> tuple[Hypothesi
 
 FAST = 5.0
 """Number of periods in the travel from which a line is too fast for a smooth term of another site: twice that of the shortest
-wave of these, which has five half waves over the workspace (``ORDERS`` of ``smooth_terms.py``)."""
+wave of these that several joints share: five half waves of two commands, three of the position (``smooth_terms.py``)."""
 
 
 def _pays(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis) -> bool:

@@ -87,15 +87,7 @@ def without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
     fitted = admitted.fit.point.model.geometry
     if fitted.is_widened and (far := moved_too_far(fitted, settled.geometry, fit.near, fit.found)):
         within = replace(fit, widen=False)
-        try:
-            plain = within.run()
-        except ConvergenceError:
-            plain = admitted
-        left = plain.fit.problem.raw_residual(plain.fit.point, plain.fit.point.poses)[:, :3]
-        stays = plain is not admitted and not moved_too_far(
-            plain.fit.point.model.geometry, settled.geometry, fit.near, fit.found
-        )
-        if stays and np.sqrt((left**2).sum(axis=1).mean()) < limits.POOR:
+        if (plain := _near_nominal(within, settled)) is not None:
             kept = f"with wider tolerances it would move {far}, so the tolerances are kept"
             warn(f"the geometry does not explain these data: {kept}")
             return without_prior_conflict(within, plain)
@@ -108,6 +100,19 @@ def without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
     if text:
         warn(text)
     return admitted
+
+
+def _near_nominal(within: RobustFit, settled: FitState) -> FitState | None:
+    """The result with the given tolerances; None where it does not converge, leaves what most mistakes do, or has a part that
+    is farther off than of any machine too."""
+    try:
+        plain = settled if settled.widened == 1.0 else within.run()
+    except ConvergenceError:
+        return None
+    point = plain.fit.point
+    left = plain.fit.problem.raw_residual(point, point.poses)[:, :3]
+    poor = np.sqrt((left**2).sum(axis=1).mean()) >= limits.POOR
+    return None if poor or moved_too_far(point.model.geometry, settled.geometry, within.near, within.found) else plain
 
 
 def _admitted(fit: RobustFit, settled: FitState) -> tuple[FitState, str]:
