@@ -43,6 +43,25 @@ def test_what_the_text_says_of_planted_causes_is_in_their_record() -> None:
     assert [words for words in said if words not in text] == []
 
 
+def test_what_the_text_says_of_machines_of_another_author_is_in_their_record() -> None:
+    found = json.loads((ROOT / "docs" / "figures" / "independent.json").read_text(encoding="utf-8"))
+    verdicts, silent = found["verdicts"], found["innocent"]
+    assert sum(verdicts.values()) == found["datasets"]
+    said = (
+        f"| false cause of 0.9 or more | {found['false 0.9']} |",
+        f"| false cause of 0.5 or more | {found['false 0.5']} |",
+        f"| true cause of 0.5 or more | {found['true 0.5']} |",
+        f"| true cause in a class | {found['in a class']} |",
+        "| `unknown`; `ambiguous`; `explained`; `none` | {unknown}; {ambiguous}; {explained}; {none} |".format(
+            **verdicts
+        ),
+        f"{silent[0]} of {silent[1]} machines without an effect",
+        f"Beside `unknown`, {found['beside unknown, false 0.5']} of {verdicts['unknown']} has a false cause",
+    )
+    text = (ROOT / "docs" / "blind.md").read_text(encoding="utf-8")
+    assert [words for words in said if words not in text] == []
+
+
 def test_every_figure_is_on_a_page() -> None:
     shown = {found[2] for page in refresh.pages() for found in refresh.BLOCK.finditer(page.read_text(encoding="utf-8"))}
     assert shown == set(refresh.TABLES)
