@@ -87,11 +87,13 @@ def _instrument(prepared: Prepared) -> InstrumentAxes:
 
 
 def explained_within(within: Prepared, settled: SearchState, scope: Scope) -> bool:
-    """Whether causes and a geometry ``within`` its tolerances explain the rows of a search as well as the wider ones with which
-    it has ``settled``: with a log marginal likelihood that is lower by `CONFLICT` at most.
+    """Whether causes, with a geometry within the given tolerances, explain the data as well as wider tolerances do.
 
-    Where smooth terms are needed too, which the model that users get does not have, the geometry within its tolerances must
-    also predict poses that are left out as well. Not where the two calibrations differ in what is free of the instruments.
+    They do where their log marginal likelihood is lower by `CONFLICT` at most. Where smooth terms are needed too, which are not
+    in the model that users get, the geometry must also predict left-out poses as well. They do not where a pose is not reached,
+    or where the two calibrations differ in what is free of the instruments.
+
+    ``within``: the data, calibrated with the given tolerances. ``settled``: the search with the wider ones.
     """
     wide = settled.searched
     same = wide.instrument == within.dataset.instrument and wide.readings.tables == within.dataset.readings.tables
