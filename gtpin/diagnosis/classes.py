@@ -13,7 +13,7 @@ from gtpin.diagnosis.evidence import Posterior, fixed, without
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
 from gtpin.diagnosis.priors import CLASS_SHARE, LIKELY
 from gtpin.diagnosis.propose import further_loads
-from gtpin.diagnosis.search import Gain, HypothesisSet, causes, smooth_of, with_lines
+from gtpin.diagnosis.search import LEAST_SHARE, Gain, HypothesisSet, causes, smooth_of, with_lines
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ def _smooth_log_odds(
     priors, robot = hypotheses.priors, hypotheses.design.operating_points.robot
     temperature, clock = priors.temperature_of(gained), cause.clock(robot)
     nature = cause.effect.nature_of(cause.lines)
-    free, mechanism = nature == "profile", nature == "mechanism"
+    mechanism = nature == "mechanism"
     found = {}
     for term, gain in hypotheses.gains(rest, unnamed(hypotheses, cause)).items():
         same_clock = frozenset(term.over) == clock
@@ -175,7 +175,7 @@ def _smooth_log_odds(
         elif unlisted:
             against = 0.0
         else:
-            other = free and set(term.over) != cause.coordinates(robot)
+            other = not mechanism and set(term.over) != cause.coordinates(robot)
             against = priors.unnamed + (0.0 if other or hypotheses.modulates(term, (cause,)) else departure)
         found[term] = (gain.value - against) / temperature
     return found
@@ -198,9 +198,6 @@ FIRSTS = 4
 """Number of hypotheses that are tried as the first of the two. Assumed: the computing time is proportional to it."""
 MOST_ODDS = 30.0
 """Largest logarithm of odds that is computed."""
-LEAST_SHARE = 0.5
-"""Smallest gain of the first of the two, as a share of the cause's own. Assumed: of two that together explain as much as one
-cause, the larger explains at least half of it."""
 
 
 def with_two_instead(hypotheses: HypothesisSet, model: Posterior[Term], classes: Classes) -> Classes:

@@ -393,7 +393,49 @@ def search(
                 larger = _extend(hypotheses, _pruned(hypotheses, larger), terms, largest, passed)
             hypotheses.searches[every] = larger
         best = max(best, hypotheses.searches[every], key=hypotheses.log_posterior)
+    while (two := _two_instead(hypotheses, best, terms)) is not None:
+        best = _extend(hypotheses, two, terms, largest, passed)
     return best
+
+
+LEAST_SHARE = 0.5
+"""Smallest gain of the first of two, as a share of the one cause that both replace. Assumed: of two that together explain as
+much as one cause, the larger explains at least half of it."""
+
+
+def _two_instead(hypotheses: HypothesisSet, model: Posterior[Term], terms: Sequence[Term]) -> Posterior[Term] | None:
+    """The model with two of one mechanism in the place of a cause, all under load, where these explain more.
+
+    The parts of a machine carry their loads in series: two drives that give way look like links that all bend, and each drive
+    alone explains less than these. Where each of the two gains more than twice its cost, neither is a departure of the other
+    from its equation, and their penalty does not count against the cause that they replace, which would have to depart from
+    its own. None if there is no such model. Study: tests/diagnosis/test_two_in_series.py.
+    """
+    allowed = [t for t in terms if isinstance(t, Hypothesis) and t.effect.load and t not in model.terms]
+    for cause in (c for c in causes(model) if c.effect.load):
+        rest = without(hypotheses.groups, model, cause, sweeps=1)
+        least = LEAST_SHARE * (model.log_evidence - rest.log_evidence)
+        gains = hypotheses.gains(rest, [t for t in allowed if t.effect is not cause.effect])
+        firsts = sorted((t for t in gains if gains[t].value >= least), key=lambda t: gains[t].value)
+        for first in {t.effect: t for t in firsts}.values():
+            one = hypotheses.extended(rest, first)
+            more = hypotheses.net_gains(one, [t for t in allowed if t.effect is first.effect and t != first])
+            if not more:
+                continue
+            second = max(more, key=lambda t: more[t].value)
+            both = hypotheses.extended(one, second)
+            odds = hypotheses.cost(first) + hypotheses.cost(second) - hypotheses.cost(cause)
+            if both.log_evidence - odds > model.log_evidence and all(
+                pays(hypotheses, both, t) for t in (first, second)
+            ):
+                return both
+    return None
+
+
+def pays(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis) -> bool:
+    """Whether a cause of a model gains more than twice its cost."""
+    loss = model.log_evidence - without(hypotheses.groups, model, cause).log_evidence
+    return loss > 2.0 * hypotheses.costs(model.terms)[cause]
 
 
 def with_residuals(hypotheses: HypothesisSet, model: Posterior[Term]) -> Posterior[Term]:
@@ -699,7 +741,7 @@ def _reestimate_lines(hypotheses: HypothesisSet, model: Posterior[Term], term: H
             break
         less = term.with_lines([line for line in term.lines if line != old])
         without_it = hypotheses.replaced(model, term, less)
-        candidates = [(less, without_it)] if len(less.values) > 1 else []
+        candidates = [(less, without_it)]
         found = _estimated(hypotheses, model, term, old, without_it, less)
         if abs(found[0] - old[0]) > SAME_PERIOD * found[1]:
             again = less.with_lines((*less.lines, found))

@@ -139,7 +139,7 @@ def _of_links(at: OperatingPoints, priors: Priors) -> Terms:
 
 def _of_rod(at: OperatingPoints, i: int) -> Functions:
     """Functions of a rod's force and direction, and of directions of approach, also multiplied by them."""
-    load, size = cosines(np.clip(at.load[:, i] / 2.0, -1.5, 1.5), 1, 5, 1.0)
+    load, size = _of_load(at.load[:, i], 5)
     a, b = (np.clip(at.tilt[:, i, c] / 2.5, -1.5, 1.5) for c in (0, 1))
     parts = [cosines(a, 1, 4, 1.0), cosines(b, 1, 4, 1.0), _plane(a, b, 5)]
     yield ("load",), np.hstack([load, np.sign(at.force[:, [i]])]), np.append(size, 1.0)
@@ -227,7 +227,18 @@ def _load(at: OperatingPoints, j: int, orders: int) -> Functions:
     """Functions of the load along an actuator's track or about its axis."""
     site = at.robot.sites[j]
     if loaded(at, site):
-        yield ("load",), *cosines(np.clip(drive_load(at, site) / 2.0, -1.5, 1.5), 1, orders, 1.0)
+        yield ("load",), *_of_load(drive_load(at, site), orders)
+
+
+def _of_load(load: Floats, orders: int) -> tuple[Floats, Floats]:
+    """Functions of a load (N,) in units of its spread."""
+    return _with_line(load / 2.0, *cosines(np.clip(load / 2.0, -1.5, 1.5), 1, orders, 1.0))
+
+
+def _with_line(x: Floats, waves: Floats, size: Floats) -> tuple[Floats, Floats]:
+    """Functions of x (N,), and x itself: what grows with a load or a temperature is no sum of a few cosines, whose slopes
+    vanish at the ends."""
+    return np.column_stack([x, waves]), np.append(1.0, size)
 
 
 def _loads(at: OperatingPoints, link: MovingLink) -> Functions:
@@ -236,7 +247,7 @@ def _loads(at: OperatingPoints, link: MovingLink) -> Functions:
     mean, spread = (values[index] for values in at.references.joints)
     loads = at.joint_loads[:, index]
     varying = np.flatnonzero(loads.std(axis=0) > 1e-6 * spread)
-    parts = [cosines(np.clip((loads[:, c] - mean[c]) / spread[c] / 2.0, -1.5, 1.5), 1, 3, 1.0) for c in varying]
+    parts = [_of_load((loads[:, c] - mean[c]) / spread[c], 3) for c in varying]
     if parts:
         yield ("load",), np.hstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
@@ -274,21 +285,24 @@ def _conditions(at: OperatingPoints) -> Functions:
     for name in CONDITIONS:
         if at.varies(name):
             orders, decay = (DRIFT_ORDERS, DRIFT_DECAY) if name == "time" else (3, 1.0)  # those of tracker_drift
-            yield (name,), *_over_range(at.covariate(name), orders, decay)
+            x = _over_range(at.covariate(name))
+            found = cosines(x, 1, orders, decay)
+            yield (name,), *(found if name == "time" else _with_line(x, *found))
     if at.varies("session"):
         sessions = session_columns(at)
         yield ("session",), sessions, np.ones(sessions.shape[1])
 
 
-def _over_range(values: Floats, orders: int, decay: float) -> tuple[Floats, Floats]:
-    """Cosines over the range of a covariate (N,), and their sizes."""
+def _over_range(values: Floats) -> Floats:
+    """(N,) a covariate over its range, from -1 to 1."""
     middle, half = (values.max() + values.min()) / 2.0, np.ptp(values) / 2.0
-    return cosines((values - middle) / half, 1, orders, decay)
+    return np.asarray((values - middle) / half)
 
 
 def _force(at: OperatingPoints) -> Functions:
     """Functions of the three components of the force at the TCP, for those that vary."""
-    parts = [_over_range(at.covariate(name), 3, 1.0) for name in ("fx", "fy", "fz") if at.varies(name)]
+    over = [_over_range(at.covariate(name)) for name in ("fx", "fy", "fz") if at.varies(name)]
+    parts = [_with_line(x, *cosines(x, 1, 3, 1.0)) for x in over]
     if parts:
         yield ("force",), np.hstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 

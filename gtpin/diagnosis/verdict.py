@@ -25,7 +25,7 @@ from gtpin.diagnosis.noise import SearchState, drive_beyond_noise, reestimate_no
 from gtpin.diagnosis.priors import LIKELY, SURE
 from gtpin.diagnosis.propose import UNLOADED
 from gtpin.diagnosis.result import Considered, Doubt, FlexibleFamily, Member, Undecided, Verdict
-from gtpin.diagnosis.search import HypothesisSet, causes, chance_lines, scales, search, smooth_of, with_residuals
+from gtpin.diagnosis.search import HypothesisSet, causes, chance_lines, pays, scales, search, smooth_of, with_residuals
 from gtpin.effects.effect import Nature
 
 
@@ -110,7 +110,7 @@ class Conclusion:
             instead: list[Term] = [m.hypothesis for m in self.classes[other] if m.recorded]
             instead += sorted(smooth, key=lambda term: -smooth[term].value)[:1]
             trials = (hypotheses.extended(rest, term) for term in instead if term not in model.terms)
-            return not all(_pays(hypotheses, trial, cause) for trial in trials)
+            return not all(pays(hypotheses, trial, cause) for trial in trials)
 
         kept = [c for c in self.classes if c in beside and not any(within(c, other) for other in open_)]
         leaders = [members[0] for cause, members in self.classes.items() if cause not in kept]
@@ -308,7 +308,7 @@ def _apart(hypotheses: HypothesisSet, model: Posterior[Term]) -> tuple[Hypothesi
     loss = {t: model.log_evidence - without(hypotheses.groups, model, t).log_evidence for t in model.terms}
     for cause in causes(model):
         like = [loss[term] for term in smooth_of(model) if _alike(hypotheses, cause, (term,))]
-        if _pays(hypotheses, model, cause) and loss[cause] > max(like, default=0.0):
+        if pays(hypotheses, model, cause) and loss[cause] > max(like, default=0.0):
             sure.append(cause)
     return tuple(sure)
 
@@ -316,12 +316,6 @@ def _apart(hypotheses: HypothesisSet, model: Posterior[Term]) -> tuple[Hypothesi
 FAST = 5.0
 """Number of periods in the travel from which a line is too fast for a smooth term of another site: twice that of the shortest
 wave of these that several joints share: five half waves of two commands, three of the position (``smooth_terms.py``)."""
-
-
-def _pays(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis) -> bool:
-    """Whether a cause of a model gains more than twice its cost."""
-    loss = model.log_evidence - without(hypotheses.groups, model, cause).log_evidence
-    return loss > 2.0 * hypotheses.costs(model.terms)[cause]
 
 
 def _alike(hypotheses: HypothesisSet, cause: Hypothesis, smooth: Sequence[SmoothTerm]) -> bool:

@@ -18,8 +18,9 @@ from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 Nature = Literal["mechanism", "profile", "description"]
-"""What an effect says about a machine: a mechanism with few parameters and a physical size; a profile, the own error of a drive
-or a track over its own travel; or a description, a family that fits any smooth function of several coordinates or motions."""
+"""What an effect says about a machine: a mechanism with few parameters and a physical size; a profile, the own error of a
+drive, a track or a ball over its own travel or direction; or a description, a family that fits any smooth function of several
+coordinates or motions."""
 
 
 Parameters = dict[str, tuple[float, str]]

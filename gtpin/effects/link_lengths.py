@@ -286,6 +286,7 @@ class JointRunout(Effect):
     """
 
     id = "joint_runout"
+    nature = "profile"
     title = "out-of-round ball"
     clause = "a ball of {site} is out of round"
     remedy = "Have the ball and its socket measured, or replaced."

@@ -24,7 +24,7 @@ MOST_A_TURN = 202.0
 has two periods for each turn of its input."""
 LEAST_TURNS = 1.5
 """Smallest number of periods in the joint's range of commands. With fewer the deviation is a ``linearity``, unless the joint
-has another period as well."""
+has another period as well, or this one is a whole turn: that of an eccentric wheel or encoder."""
 APART = 0.5
 """Smallest difference of two periods of one joint, and of one from none, in cycles over its range of commands. Derived: the
 Fourier resolution is one cycle; at half of it, the cosines of two periods have a correlation of sin(pi / 2) / (pi / 2) = 0.64.
@@ -92,12 +92,14 @@ class RackPeriodic(Effect):
     def resolved(
         self, at: OperatingPoints, site: str, values: Floats, others: Sequence[float]
     ) -> npt.NDArray[np.bool_]:
-        """At a turning joint of a robot without rods: ``LEAST_TURNS`` periods in its range, or ``APART`` from its others."""
+        """At a turning joint of a robot without rods: ``LEAST_TURNS`` periods in its range, or a turn of which it has
+        ``APART``; beside other periods: ``APART`` from these."""
         if not turning_joint(at.robot, site):
             return super().resolved(at, site, values, others)
         cycles, span = 1.0 / np.asarray(values), _span(at, site)
         if not len(others):
-            return np.asarray(cycles * span >= LEAST_TURNS * (1.0 - 1e-9))
+            least = np.where(np.isclose(values, TURN, rtol=1e-9, atol=0.0), APART, LEAST_TURNS)
+            return np.asarray(cycles * span >= least * (1.0 - 1e-9))
         known = np.append(1.0 / np.asarray(others), 0.0)  # the slope of a period longer than twice the range is a scale
         apart = np.abs(cycles[:, None] - known).min(axis=1) * span
         return np.asarray(apart >= APART)

@@ -1,5 +1,6 @@
-"""Loads that nobody recorded, and drives whose errors grow with their load, of a Gantry-Tau of the tests' own closures."""
+"""Loads that nobody recorded, and drives and rods that give way to theirs, of a Gantry-Tau of the tests' own closures."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -103,3 +104,30 @@ def test_a_wheel_that_is_pressed_into_its_teeth_is_no_track_that_is_not_straight
     assert found.verdict != "none"
     assert {site for _, site in certain(found)} <= {"cart2"}
     assert {effect for effect, _ in certain(found)} <= {"linearity", "rack_periodic"}
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_rod_that_is_soft_under_half_of_its_load_has_no_certain_ball_that_is_out_of_round(seed):
+    """A function of the rod's directions follows any function of the load, which the directions determine."""
+    rng, plain, count = np.random.default_rng(seed), nominal("gantry_tau"), 230
+    machine = plain.off({f"length[{rod[4:]}]": rng.normal(0.0, 2e-4) for rod in plain.rods})
+    q = machine.in_range(rng, count)
+    T, R = machine.follow(q, 0.02)
+    pull = tensions(machine, q, np.zeros(count), T, R)[:, 4]
+    longer = np.eye(6)[4] * 1e-5 * np.maximum(pull - np.median(pull), 0.0)[:, None]
+    T, R = replace(machine, L0=machine.L0 + longer).close(q, T, R)
+    turn = Rotation.from_rotvec(rng.normal(0.0, ORIENTATION_SIGMA, (count, 3))) * Rotation.from_matrix(R)
+    found = quietly(
+        gtpin.diagnose,
+        gtpin.Dataset(
+            "gantry_tau",
+            np.array([f"p{n}" for n in range(count)]),
+            q,
+            T + rng.normal(0.0, POSITION_SIGMA, T.shape),
+            turn.as_quat(scalar_first=True),
+            {},
+            {"position_sigma": POSITION_SIGMA, "orientation_sigma": ORIENTATION_SIGMA},
+        ),
+    )
+    assert found.verdict != "none"
+    assert {effect for effect, _ in certain(found)} <= {"link_compliance"}

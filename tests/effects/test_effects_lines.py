@@ -49,6 +49,11 @@ def test_a_first_line_has_enough_periods_in_the_range_and_a_further_one_is_apart
     alone = effect.resolved(at, SITE, values, ())
     assert (span / values[alone] >= LEAST_TURNS * (1.0 - 1e-6)).all()
     assert (span / values[~alone] < LEAST_TURNS).all()
+    wide = nominal_at(
+        ROBOT, np.random.default_rng(0).uniform(-1.8, 1.8, (200, ROBOT.n_actuators))
+    )  # more than half a turn
+    turns = effect.resolved(wide, SITE, np.array([2.0 * np.pi, 6.0]), ())
+    assert turns.tolist() == [True, False]  # an eccentric wheel has one period a turn
     other = 2.0 * np.pi / 12.0
     beside = effect.resolved(at, SITE, values, [other])
     assert (np.abs(span / values[beside] - span / other) >= APART).all()
