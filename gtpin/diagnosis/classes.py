@@ -154,8 +154,8 @@ def _smooth_log_odds(
     A profile (a track that is not straight, several lines of a drive) follows any function of its own command. It has no
     equation from which a machine could depart, so nothing is added for a departure where a smooth term has other coordinates:
     a drive whose error grows with its load is as good an explanation as a track that is not straight. An effect of exactly
-    time, or exactly session, has no form of its own: another part can move with it as well. Both have the same
-    functions and differ in the part that moves, so only the square root of the temperature divides the difference.
+    time, or exactly session, has no equation either: its part can follow a temperature, and another part can move with it.
+    Two parts then have the same functions, so only the square root of the temperature divides the difference.
     """
     priors, robot = hypotheses.priors, hypotheses.design.operating_points.robot
     temperature, clock = priors.temperature_of(gained), cause.clock(robot)
@@ -175,7 +175,7 @@ def _smooth_log_odds(
         elif unlisted:
             against = 0.0
         else:
-            other = not mechanism and set(term.over) != cause.coordinates(robot)
+            other = bool(clock or not mechanism) and set(term.over) != cause.coordinates(robot)
             against = priors.unnamed + (0.0 if other or hypotheses.modulates(term, (cause,)) else departure)
         found[term] = (gain.value - against) / temperature
     return found

@@ -235,6 +235,9 @@ class AxisMotion(Effect):
     remedy = "Check the bearing and its seat for run-out; or use the corrected model."
     coefficient = ("radial", "m")
     acts_at = staticmethod(joints)
+    plausible: ClassVar[Mapping[str, ParameterRange]] = {
+        "tilt": ParameterRange(0.0, 0.01, "an axis that tilts by more as it turns moves a tool by centimetres")
+    }
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         j = at.robot.sites.index(site)
