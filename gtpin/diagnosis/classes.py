@@ -13,7 +13,7 @@ from gtpin.diagnosis.evidence import Posterior, fixed, without
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
 from gtpin.diagnosis.priors import CLASS_SHARE, LIKELY
 from gtpin.diagnosis.propose import further_loads
-from gtpin.diagnosis.search import LEAST_SHARE, Gain, HypothesisSet, causes, smooth_of, with_lines
+from gtpin.diagnosis.search import LEAST_SHARE, Gain, HypothesisSet, causes, smooth_of, with_lines, with_two
 
 
 @dataclass(frozen=True)
@@ -406,11 +406,9 @@ def _best_two(
     cost = sum(hypotheses.costs(model.terms).values())
     best: tuple[float, tuple[Hypothesis, ...]] = (-np.inf, ())
     for first, seconds in tries:
-        one = hypotheses.extended(rest, first)
-        more: dict[Hypothesis, Gain] = hypotheses.net_gains(one, [h for h in seconds if h != first])
-        if more:
-            second = max(more, key=lambda h: more[h].value)
-            both = hypotheses.extended(one, second)
+        both = with_two(hypotheses, rest, first, seconds)
+        second = causes(both)[-1]
+        if second != first:
             against = (sum(hypotheses.costs(both.terms).values()) - cost) / temperature
             alike = first.effect is second.effect and first.effect not in own
             ahead = (both.log_evidence - model.log_evidence) / temperature - (

@@ -393,7 +393,9 @@ def search(
                 larger = _extend(hypotheses, _pruned(hypotheses, larger), terms, largest, passed)
             hypotheses.searches[every] = larger
         best = max(best, hypotheses.searches[every], key=hypotheses.log_posterior)
-    while (two := _two_instead(hypotheses, best, terms)) is not None:
+    tried = set[tuple[Term, ...]]()
+    while (two := _two_instead(hypotheses, best, terms)) is not None and two.terms not in tried:
+        tried.add(two.terms)
         best = _extend(hypotheses, two, terms, largest, passed)
     return best
 
@@ -418,18 +420,22 @@ def _two_instead(hypotheses: HypothesisSet, model: Posterior[Term], terms: Seque
         gains = hypotheses.gains(rest, [t for t in allowed if t.effect is not cause.effect])
         firsts = sorted((t for t in gains if gains[t].value >= least), key=lambda t: gains[t].value)
         for first in {t.effect: t for t in firsts}.values():
-            one = hypotheses.extended(rest, first)
-            more = hypotheses.net_gains(one, [t for t in allowed if t.effect is first.effect and t != first])
-            if not more:
-                continue
-            second = max(more, key=lambda t: more[t].value)
-            both = hypotheses.extended(one, second)
-            odds = hypotheses.cost(first) + hypotheses.cost(second) - hypotheses.cost(cause)
-            if both.log_evidence - odds > model.log_evidence and all(
-                pays(hypotheses, both, t) for t in (first, second)
-            ):
+            both = with_two(hypotheses, rest, first, [t for t in allowed if t.effect is first.effect])
+            pair = causes(both)[-2:]
+            odds = sum(hypotheses.cost(t) for t in pair) - hypotheses.cost(cause)
+            more = len(both.terms) > len(model.terms) and both.log_evidence - odds > model.log_evidence
+            if more and all(pays(hypotheses, both, t) for t in pair):
                 return both
     return None
+
+
+def with_two(
+    hypotheses: HypothesisSet, model: Posterior[Term], first: Hypothesis, seconds: Iterable[Hypothesis]
+) -> Posterior[Term]:
+    """The model with a first hypothesis and, at the end, that of some seconds which then gains most less its cost, if any."""
+    one = hypotheses.extended(model, first)
+    more = hypotheses.net_gains(one, [h for h in seconds if h != first])
+    return hypotheses.extended(one, max(more, key=lambda h: more[h].value)) if more else one
 
 
 def pays(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis) -> bool:
