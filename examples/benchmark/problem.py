@@ -22,9 +22,9 @@ from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.prepare import Prepared, prepare
 from gtpin.diagnosis.propose import propose
-from gtpin.diagnosis.search import HypothesisSet
 from gtpin.effects.active import ActiveEffect
 from gtpin.effects.catalogue import catalogue
 from gtpin.instruments.predicted import predicted_readings

@@ -25,11 +25,11 @@ from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.evidence import NOTHING, Groups, Posterior, all_gains, tuned
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.noise import searchable_rows, settle
 from gtpin.diagnosis.prepare import prepare
 from gtpin.diagnosis.propose import propose
 from gtpin.diagnosis.scan import Scan
-from gtpin.diagnosis.search import HypothesisSet
 from gtpin.effects.catalogue import catalogue, effects_by_id
 from gtpin.effects.displacement import Displacement
 from gtpin.model.measured_robot import measuring, robot_of

@@ -4,7 +4,8 @@ How a verdict comes about, in the order of docs/statistics.md:
 
 - ``evidence.py``: the log Bayes factor of a model in closed form, and its scales (sections 4 and 5). The linear problem is made
   in ``design.py`` (3), and periods and places are scanned in ``scan.py`` (6).
-- ``search.py``: the prior odds of a model, and the search for the most probable one (7 and 8).
+- ``hypothesis_set.py``: the terms of a model and their prior odds (7). ``search.py``: the search for the most probable model
+  (8). ``periodic_lines.py``: the periods of one drive (6).
 - ``classes.py``: what else each cause could be, with probabilities (10).
 - ``verdict.py``: named causes against smooth terms, and the verdict (9 and 11). ``doubts.py`` lists all other reasons for
   ``unknown``.

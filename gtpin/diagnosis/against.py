@@ -27,12 +27,12 @@ from gtpin.diagnosis.earlier import (
 from gtpin.diagnosis.evidence import SCALES, marginal_power
 from gtpin.diagnosis.gap import gaps, lost, unexplained, where
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.joint_fit import cause
 from gtpin.diagnosis.noise import floor_of
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.diagnosis.propose import propose
 from gtpin.diagnosis.result import Cause, Doubt, HealthCheck, Smallest
-from gtpin.diagnosis.search import HypothesisSet
 from gtpin.diagnosis.verdict import Conclusion, considered, decide
 from gtpin.distributions import chi2
 from gtpin.effects.active import ActiveEffect

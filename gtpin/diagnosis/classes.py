@@ -11,9 +11,11 @@ import numpy as np
 
 from gtpin.diagnosis.evidence import Posterior, fixed, without
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
+from gtpin.diagnosis.hypothesis_set import Gain, HypothesisSet, causes, smooth_of
+from gtpin.diagnosis.periodic_lines import with_lines
 from gtpin.diagnosis.priors import CLASS_SHARE, LIKELY
 from gtpin.diagnosis.propose import further_loads
-from gtpin.diagnosis.search import LEAST_SHARE, Gain, HypothesisSet, causes, smooth_of, with_lines, with_two
+from gtpin.diagnosis.search import LEAST_SHARE, with_two
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,7 @@ from gtpin.diagnosis.noise import (
     ShownNoise,
     floor_of,
 )
+from gtpin.diagnosis.periodic_lines import strongest_first
 from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import PRIORS, Priors
 from gtpin.diagnosis.result import (
@@ -57,7 +58,6 @@ from gtpin.diagnosis.result import (
     HealthCheck,
     HoldOut,
 )
-from gtpin.diagnosis.search import strongest_first
 from gtpin.diagnosis.tolerances import begun
 from gtpin.diagnosis.trials import Known
 from gtpin.diagnosis.verdict import Conclusion, considered, infer, undecided, with_also

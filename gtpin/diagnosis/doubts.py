@@ -22,11 +22,11 @@ from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Posterior, without
 from gtpin.diagnosis.gap import leave_out
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.noise import SearchState, ShownNoise, floor_of, left_over
 from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import CLASS_SHARE, LIKELY, PRIORS, SURE, Priors
 from gtpin.diagnosis.result import Cause, Doubt, FlexibleFamily, Gap, Question
-from gtpin.diagnosis.search import HypothesisSet
 from gtpin.diagnosis.verdict import Conclusion, infer, size, weak
 from gtpin.effects.effect import Effect
 from gtpin.errors import warn

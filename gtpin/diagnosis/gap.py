@@ -14,9 +14,9 @@ from gtpin.data import Dataset, by_region, random
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Posterior, given, marginal_power
 from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term
+from gtpin.diagnosis.hypothesis_set import Gain, HypothesisSet, causes
 from gtpin.diagnosis.priors import UNLIKELY
 from gtpin.diagnosis.result import Correlate, Gap, HoldOut, InstrumentGap, Turns, Unexplained, Where
-from gtpin.diagnosis.search import Gain, HypothesisSet, causes
 from gtpin.diagnosis.smooth_terms import COMMON
 from gtpin.diagnosis.verdict import Conclusion
 from gtpin.distributions import chi2, t

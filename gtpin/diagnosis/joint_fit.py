@@ -13,8 +13,8 @@ from gtpin.calibration.problem import Point, Problem
 from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.evidence import Posterior, shares
 from gtpin.diagnosis.hypothesis import Hypothesis, Term
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.result import Cause
-from gtpin.diagnosis.search import HypothesisSet
 from gtpin.diagnosis.verdict import Conclusion
 from gtpin.effects.active import ActiveEffect, with_effects
 from gtpin.effects.displacement import Displacement

@@ -9,8 +9,8 @@ import numpy as np
 from gtpin.diagnosis.evidence import Posterior
 from gtpin.diagnosis.gap import Place, leave_out, position_rms
 from gtpin.diagnosis.hypothesis import Hypothesis, Term
+from gtpin.diagnosis.hypothesis_set import HypothesisSet, causes
 from gtpin.diagnosis.result import BestKnown, Gap, Leader
-from gtpin.diagnosis.search import HypothesisSet, causes
 from gtpin.diagnosis.verdict import Conclusion
 from gtpin.typing import Floats, Mask
 

@@ -22,9 +22,9 @@ from gtpin.diagnosis.discrimination import (
     other_causes,
 )
 from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.hypothesis_set import HypothesisSet, Untested
 from gtpin.diagnosis.priors import SURE
 from gtpin.diagnosis.result import Cause, Experiment, Lacking, Visits
-from gtpin.diagnosis.search import HypothesisSet, Untested
 from gtpin.diagnosis.trials import FORCES, HEAVIER, RESOLUTION, Known, Trials, kind, levels, numbers, possible
 from gtpin.diagnosis.verdict import Conclusion
 from gtpin.effects.operating_points import Column, OperatingPoints

@@ -16,11 +16,12 @@ from gtpin.data.instrument_tables import SocketTable
 from gtpin.diagnosis.design import Design, Observed
 from gtpin.diagnosis.evidence import NOTHING, Posterior
 from gtpin.diagnosis.hypothesis import Scope, Term
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.prepare import Prepared
 from gtpin.diagnosis.priors import Priors
 from gtpin.diagnosis.propose import propose
 from gtpin.diagnosis.result import Source
-from gtpin.diagnosis.search import MOST_TERMS, HypothesisSet, rough_guess
+from gtpin.diagnosis.search import MOST_TERMS, rough_guess
 from gtpin.distributions import chi2, f
 from gtpin.effects.operating_points import OperatingPoints, References
 from gtpin.effects.sites import loaded_along

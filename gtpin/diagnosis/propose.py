@@ -16,8 +16,8 @@ from scipy.linalg import cho_factor, cho_solve
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, all_gains, fixed, gain
 from gtpin.diagnosis.hypothesis import CLOCK, Hypothesis, Proxy, Scope
+from gtpin.diagnosis.hypothesis_set import HypothesisSet, Untested
 from gtpin.diagnosis.priors import PRIORS, Priors
-from gtpin.diagnosis.search import HypothesisSet, Untested
 from gtpin.diagnosis.smooth_terms import smooth_terms
 from gtpin.effects.catalogue import OWN
 from gtpin.effects.operating_points import Column, OperatingPoints

@@ -20,11 +20,12 @@ from gtpin.diagnosis.design import Design, Observed
 from gtpin.diagnosis.evidence import Posterior
 from gtpin.diagnosis.gap import blocks_of, check_hold_out, leave_out
 from gtpin.diagnosis.hypothesis import Scope, Term
+from gtpin.diagnosis.hypothesis_set import HypothesisSet, smooth_of
 from gtpin.diagnosis.noise import SearchState, searchable_rows, settle, understated_noise, warn_of_noise
 from gtpin.diagnosis.prepare import Prepared, prepare
 from gtpin.diagnosis.propose import propose
 from gtpin.diagnosis.result import HoldOut
-from gtpin.diagnosis.search import HypothesisSet, rough_guess, smooth_of
+from gtpin.diagnosis.search import rough_guess
 from gtpin.effects.driver import InstrumentAxes, driver_effects
 from gtpin.effects.effect import Effect
 from gtpin.errors import GtpinError, deferred

@@ -21,11 +21,13 @@ from gtpin.diagnosis.classes import (
 )
 from gtpin.diagnosis.evidence import NOTHING, Posterior, fixed, marginal_power, tuned, without
 from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term, alike
+from gtpin.diagnosis.hypothesis_set import HypothesisSet, causes, scales, smooth_of
 from gtpin.diagnosis.noise import SearchState, drive_beyond_noise, reestimate_noise
+from gtpin.diagnosis.periodic_lines import chance_lines
 from gtpin.diagnosis.priors import LIKELY, SURE
 from gtpin.diagnosis.propose import UNLOADED
 from gtpin.diagnosis.result import Considered, Doubt, FlexibleFamily, Member, Undecided, Verdict
-from gtpin.diagnosis.search import HypothesisSet, causes, chance_lines, pays, scales, search, smooth_of, with_residuals
+from gtpin.diagnosis.search import pays, search, with_residuals
 from gtpin.effects.effect import Nature
 
 

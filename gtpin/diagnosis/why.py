@@ -13,11 +13,12 @@ from gtpin.diagnosis.doubts import Context, out_of_range
 from gtpin.diagnosis.evidence import NOTHING, Posterior, fixed, without
 from gtpin.diagnosis.gap import Place, leave_out, position_rms
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm, Term
+from gtpin.diagnosis.hypothesis_set import Gain, HypothesisSet, causes, smooth_of
 from gtpin.diagnosis.joint_fit import estimates_in
 from gtpin.diagnosis.next_experiment import POSES, fewer
+from gtpin.diagnosis.periodic_lines import chance_lines
 from gtpin.diagnosis.priors import SURE
 from gtpin.diagnosis.result import Experiment, LeftOutErrors, Question, Rival, Standing, Why
-from gtpin.diagnosis.search import Gain, HypothesisSet, causes, chance_lines, smooth_of
 from gtpin.diagnosis.trials import Known
 
 RIVALS = 3

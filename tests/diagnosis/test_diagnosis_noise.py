@@ -10,9 +10,9 @@ from scipy.stats import binom
 
 from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.evidence import NOTHING, fixed
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.noise import beyond_noise, left_over, reestimate_noise
 from gtpin.diagnosis.priors import PRIORS
-from gtpin.diagnosis.search import HypothesisSet
 from gtpin.effects.displacement import Displacement
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.rotations import exp

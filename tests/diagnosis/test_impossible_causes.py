@@ -13,9 +13,10 @@ from gtpin.diagnosis.design import Design, Observed
 from gtpin.diagnosis.doubts import without_impossible
 from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.propose import propose
 from gtpin.diagnosis.result import Question
-from gtpin.diagnosis.search import HypothesisSet, rough_guess
+from gtpin.diagnosis.search import rough_guess
 from gtpin.diagnosis.verdict import Conclusion, decide
 
 

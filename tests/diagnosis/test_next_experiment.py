@@ -17,10 +17,10 @@ from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.discrimination import CauseClass, Prediction, concerns, expected_gain, most_telling
 from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, gain
 from gtpin.diagnosis.hypothesis import Hypothesis
+from gtpin.diagnosis.hypothesis_set import Untested
 from gtpin.diagnosis.next_experiment import map_unknown, plan
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.result import Experiment
-from gtpin.diagnosis.search import Untested
 from gtpin.diagnosis.smooth_terms import smooth_terms
 from gtpin.diagnosis.trials import Known, possible, with_nights
 from gtpin.effects.drive_errors import Linearity

@@ -11,10 +11,10 @@ from scipy.stats import multivariate_normal
 from gtpin.diagnosis.classes import ClassMember, ranked
 from gtpin.diagnosis.discrimination import PROMISED, SIMULATED, Prediction, Rivals, discriminate
 from gtpin.diagnosis.evidence import NOTHING
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.next_experiment import classes
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.diagnosis.result import Cause
-from gtpin.diagnosis.search import HypothesisSet
 from gtpin.diagnosis.smooth_terms import smooth_terms
 from gtpin.diagnosis.trials import SESSIONS, Known, next_sessions
 from gtpin.diagnosis.verdict import Conclusion

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import t
 
 from gtpin.diagnosis import discrimination as splitting
-from gtpin.diagnosis import evidence, gap, joint_fit, noise, priors, scan, search
+from gtpin.diagnosis import evidence, gap, joint_fit, noise, periodic_lines, priors, scan, search
 from gtpin.diagnosis.diagnose import FALSE_ALARM
 from gtpin.diagnosis.discrimination import PROMISED, SIMULATED
 from gtpin.diagnosis.trials import SESSIONS
@@ -105,7 +105,7 @@ CONSTANTS = {
         f"have at least {scan.ALIKE:g} of its gain",
         f"those with at least {scan.LIKELY:g} of the largest such gain",
         f"more than {noise.FEW_POSES:,} poses a long model is searched on {noise.FEW_POSES:,} of them",
-        f"until that gains less than {search.LINES_CONVERGED:g} nats",
+        f"until that gains less than {periodic_lines.LINES_CONVERGED:g} nats",
         f"68 % of {2 * joint_fit.PARAMETER_DRAWS} draws from the posterior",
         f"has {gap.INTERVAL_DRAWS} draws: coefficients from their posterior, {gap.PREDICTED_POSES} poses",
         f"each of the {WORDS[search.BEAM]} best single hypotheses",

@@ -15,9 +15,9 @@ from gtpin.data import Dataset
 from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.hypothesis import Scope
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.noise import left_over, reestimate_noise, searchable_rows
 from gtpin.diagnosis.prepare import prepare
-from gtpin.diagnosis.search import HypothesisSet
 from gtpin.effects.catalogue import catalogue
 from gtpin.model.measured_robot import robot_of
 

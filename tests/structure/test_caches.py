@@ -18,8 +18,8 @@ from gtpin.data import Dataset
 from gtpin.diagnosis.design import Observed
 from gtpin.diagnosis.evidence import NOTHING
 from gtpin.diagnosis.hypothesis import Scope
+from gtpin.diagnosis.hypothesis_set import HypothesisSet
 from gtpin.diagnosis.propose import propose
-from gtpin.diagnosis.search import HypothesisSet
 from gtpin.diagnosis.verdict import decide
 
 pytestmark = pytest.mark.filterwarnings("ignore::gtpin.GtpinWarning")

@@ -130,6 +130,8 @@ ROOMS = (
     "scan",
     "hypothesis",
     "smooth_terms",
+    "hypothesis_set",
+    "periodic_lines",
     "search",
     "propose",
     "noise",
