@@ -157,7 +157,7 @@ def _smooth_log_odds(
     equation from which a machine could depart, so nothing is added for a departure where a smooth term has other coordinates:
     a drive whose error grows with its load is as good an explanation as a track that is not straight. An effect of exactly
     time, or exactly session, has no equation either: its part can follow a temperature, and another part can move with it.
-    Two parts then have the same functions, so only the square root of the temperature divides the difference.
+    It does not depart from any function of its clock, so only the square root of the temperature divides the difference.
     """
     priors, robot = hypotheses.priors, hypotheses.design.operating_points.robot
     temperature, clock = priors.temperature_of(gained), cause.clock(robot)
@@ -168,8 +168,9 @@ def _smooth_log_odds(
         same_clock = frozenset(term.over) == clock
         if same_clock and cause.site == "frame" and not robot.constraints and term.site == robot.sites[0]:
             continue  # an arm's base moves as the frame does: one cause
-        if same_clock:
-            found[term] = log_odds + (gain.value - gained) / sqrt(temperature) - priors.same_clock
+        if same_clock or (clock and not unlisted):
+            against = priors.same_clock if same_clock else priors.unnamed
+            found[term] = log_odds + (gain.value - gained) / sqrt(temperature) - against
             continue
         departure = priors.departure * max(gained, 0.0)
         if unknown and term.site == cause.site and set(term.over) <= cause.drivers(robot):
@@ -177,7 +178,7 @@ def _smooth_log_odds(
         elif unlisted:
             against = 0.0
         else:
-            other = bool(clock or not mechanism) and set(term.over) != cause.coordinates(robot)
+            other = not mechanism and set(term.over) != cause.coordinates(robot)
             against = priors.unnamed + (0.0 if other or hypotheses.modulates(term, (cause,)) else departure)
         found[term] = (gain.value - against) / temperature
     return found
