@@ -381,7 +381,8 @@ def nearest(d: Diagnosis) -> str:
         of = f"{length(float(np.sqrt(max(power, 0.0))))} of {length(before)}"
     if best is None:
         first = named(d.effect(leaders[0].effect), leaders[0].site)
-        return f"No known mechanism comes near: {first} explains {of} at left-out poses, more than any other."
+        most = f": {first} explains {of} at left-out poses, more than any other" if power > 0.0 else ""
+        return f"No known mechanism comes near{most}."
     instead = {(c.effect, c.site): (m.effect, m.site) for c in d.causes for m in others(c)[:1]}
     near = [(one.effect, one.site) for one in leaders if before**2 - one.left**2 > NEARLY * power]
     near = [place for place in near if place not in best.effects]

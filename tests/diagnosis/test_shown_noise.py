@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+import pinocchio_arm as arm
 import pytest
 from diagnosed import machine
 from scipy.spatial.transform import Rotation
@@ -158,3 +159,20 @@ def test_repeated_visits_without_more_noise_end_the_check(monkeypatch: pytest.Mo
     assert check.understated_noise(prepared, scope) == {}
     with pytest.raises(SearchedError):  # one visit of each pose says nothing of the noise
         check.understated_noise(prepare(without, robot), scope)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize(("size", "verdict"), [(0.0, "none"), (1.0, "unknown")])
+def test_residuals_that_correlate_by_more_than_chance_are_not_none(size, verdict, seed):
+    """A field moves the target by as much as one sigma: too little for the prior odds of an effect that nobody lists."""
+
+    def field(campaign):
+        q = campaign.q
+        return (
+            size
+            * arm.SHIFT
+            * np.stack([np.sin(3.0 * q[:, 1] * q[:, 2]), np.cos(4.0 * q[:, 2]), np.sin(3.0 * q[:, 1])], 1)
+        )
+
+    found = gtpin.diagnose(arm.measured(seed, tool=field, poses=160))
+    assert (found.verdict, found.causes) == (verdict, ())

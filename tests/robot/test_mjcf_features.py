@@ -402,6 +402,12 @@ def test_a_loop_s_drives_are_those_of_the_file_in_its_order(tmp_path: Path) -> N
     assert loaded(EQUAL["a five-bar"], tmp_path).sites == ("c", "a")
 
 
+@pytest.mark.parametrize("what", ["connect that is not active", "connect of a class that is not active"])
+def test_a_loop_that_is_not_active_leaves_the_drives_of_the_file(what: str, tmp_path: Path) -> None:
+    """The passive joints of the loop rest, as in MuJoCo."""
+    assert loaded(EQUAL[what], tmp_path).n_actuators == mujoco.MjModel.from_xml_string(EQUAL[what]).nu
+
+
 def test_a_model_of_an_mjcf_is_written_and_read_again(tmp_path: Path) -> None:
     geometry = gtpin.Geometry.nominal(loaded(file(FOUR, "", BODIES), tmp_path))
     rng = np.random.default_rng(4)

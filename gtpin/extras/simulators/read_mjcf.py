@@ -177,8 +177,9 @@ class _UrdfWriter:
         for element in root.iterfind("equality/*"):
             self._equality(element)
         marked = self._marked(root)
-        # Where a loop is not active, its joints rest. A file that gtpin wrote has the commands in their order.
-        if self.loops or marked is not None:
+        # Where a loop is not active, its passive joints rest. A file that gtpin wrote has the commands in their order.
+        looped = any(element.tag in ("connect", "weld") for element in root.iterfind("equality/*"))
+        if looped or marked is not None:
             self._drives(root, own, marked is not None)
         tree = Tree.of(self.robot, self.values.source)
         for name, (link, placement) in self.sites.items():
