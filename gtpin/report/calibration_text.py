@@ -49,7 +49,7 @@ def elsewhere(c: Calibration) -> list[str]:
     if not known or expected <= max(known):
         return []
     kinematics = c.model.kinematics
-    left = unexplained_error(c.model, kinematics.command_jacobian(q, kinematics.forward(q)))
+    left = unexplained_error(c.model, kinematics.command_jacobian(q, kinematics.forward(q)))[0]
     expected = float(np.hypot(expected, np.sqrt(3.0) * left))
     poses = c.model.predict(c.dataset.q[c.used(c.dataset)]).T
     sizes = np.ptp(poses, axis=0)
