@@ -224,8 +224,20 @@ class Calibration(FitResult):
 
     @property
     def noise_known(self) -> bool:
-        """Whether the noise was declared, or shown by repeated visits, and not taken from the residuals."""
-        return self.noise.source != "residuals"
+        """Whether the noise was declared, or shown by repeated visits, and not taken from the residuals; of poses of one
+        tracker that of the positions."""
+        return self.noise.known(tracked=self.fit.problem.measured.tracked)
+
+    @property
+    def assumed_turn(self) -> float | None:
+        """The noise of a tracker's orientations, rad, where it was taken from the residuals beside the known one of the
+        positions; else None."""
+        assumed = self.noise_known and self.noise.source == "residuals"
+        return self.noise.orientation_sigma if assumed else None
+
+    def shows_noise(self, one: InstrumentFit) -> bool:
+        """Whether the noise floor of an instrument's errors is of known noise, and not of the residuals."""
+        return self.noise_known and (one.unit != "rad" or self.assumed_turn is None)
 
     @property
     def worse(self) -> str:
@@ -329,7 +341,7 @@ def _errors_json(c: Calibration) -> dict[str, float | None]:
         one = next((one for one in c.by_instrument if one.kind == "tracker" and one.unit == unit), None)
         for key, name in (("rms_before", "before"), ("rms_after", "after"), ("rms_left_out", "left_out")):
             found[f"{what}_{key}"] = getattr(one, name, None)
-        found[f"{what}_noise_floor"] = one.floor if one and c.noise_known else None
+        found[f"{what}_noise_floor"] = one.floor if one and c.shows_noise(one) else None
     return found
 
 

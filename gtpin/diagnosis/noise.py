@@ -310,7 +310,8 @@ class ShownNoise:
             base = replace(inferred, estimated=~known)
         else:
             base = replace(inferred, sigma=sigma, estimated=~known, repeatability=0.0)
-        rows_open = np.unique(base.group[~np.isfinite(base.row_sigma)])
+        # Beside a known noise of a tracker's positions, residuals show that of its orientations.
+        rows_open = np.unique(base.group[:, design.compared][~np.isfinite(base.row_sigma[:, design.compared])])
         assumed = bool((~known)[rows_open].any())
         residual, effective_parameters = left_over(hypotheses, guess)
         errors = design.coloured(residual)

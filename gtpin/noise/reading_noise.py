@@ -71,6 +71,12 @@ class ReadingNoise:
         """Noise of a single tracker's orientations, per axis, rad; a usual one where they were not measured."""
         return float(self.sigma[1]) if len(self.sigma) > 1 else USUAL_TURN
 
+    def known(self, *, tracked: bool) -> bool:
+        """Whether the noise was declared, or repeated visits showed it. Of poses of one tracker (``tracked``) that of the
+        positions is enough: beside it, residuals show the noise of the orientations."""
+        judged = self.estimated[: 1 if tracked else len(self.estimated)]
+        return self.source != "residuals" or not judged.any()
+
     @property
     def each(self) -> Floats:
         """(N, c) sigma of each number."""
