@@ -324,7 +324,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tra
     covariance = final.covariance[:p, :p] * np.outer(geometry.tolerance, geometry.tolerance)
     before = nominal_residual(settled.fit.problem, near[settled.used])
     residual = problem.raw_residual(point, point.poses)
-    variance, known = _variances(final, noise), noise.known(tracked=tracked)
+    variance, known = _variances(final, noise), noise.known
     unexplained = unexplained_by(settled.fit, residual, variance, known=known, dof=noise.dof)
     floor = _at_most(variance, residual, measured.group, settled.dof / problem.count)
     out, some = left_out(final, np.unique(measured.q, axis=0, return_inverse=True)[1].ravel())

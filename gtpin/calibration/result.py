@@ -226,7 +226,7 @@ class Calibration(FitResult):
     def noise_known(self) -> bool:
         """Whether the noise was declared, or shown by repeated visits, and not taken from the residuals; of poses of one
         tracker that of the positions."""
-        return self.noise.known(tracked=self.fit.problem.measured.tracked)
+        return self.noise.known
 
     @property
     def assumed_turn(self) -> float | None:

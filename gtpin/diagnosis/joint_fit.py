@@ -82,8 +82,7 @@ def _unexplained(problem: JointProblem, found: Fit[JointProblem], noise: Reading
     colour = np.linalg.inv(problem.calibration.whitening)
     errors = np.einsum("nij,nj->ni", colour, found.residual)
     variance = (colour**2).sum(axis=2)
-    known = noise.known(tracked=problem.measured.tracked)
-    return unexplained_by(found, errors, variance, known=known, dof=noise.dof)
+    return unexplained_by(found, errors, variance, known=noise.known, dof=noise.dof)
 
 
 @dataclass(frozen=True)

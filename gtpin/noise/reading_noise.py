@@ -71,11 +71,12 @@ class ReadingNoise:
         """Noise of a single tracker's orientations, per axis, rad; a usual one where they were not measured."""
         return float(self.sigma[1]) if len(self.sigma) > 1 else USUAL_TURN
 
-    def known(self, *, tracked: bool) -> bool:
-        """Whether the noise was declared, or repeated visits showed it. Of poses of one tracker (``tracked``) that of the
-        positions is enough: beside it, residuals show the noise of the orientations."""
-        judged = self.estimated[: 1 if tracked else len(self.estimated)]
-        return self.source != "residuals" or not judged.any()
+    @property
+    def known(self) -> bool:
+        """Whether the noise was declared, or repeated visits showed it. Of a pose that of the position is enough: beside it,
+        residuals show the noise of the orientation."""
+        first = self.group[:, 0][~np.isfinite(self.row_sigma[:, 0])]
+        return self.source != "residuals" or not self.estimated[np.unique(first)].any()
 
     @property
     def each(self) -> Floats:

@@ -91,7 +91,7 @@ def gross_errors(dataset: Dataset, aside: Mask) -> str:
     if not aside.any():
         return ""
     counted = f"{np.count_nonzero(aside):,} of {len(dataset):,} rows, of "
-    several = dataset.readings.tracked and len(set(dataset.pose)) < len(dataset)
+    several = not dataset.readings.names and len(set(dataset.pose)) < len(dataset)
     return f"{GROSS}{counted if several else ''}{named_poses(dataset, aside)}"
 
 
