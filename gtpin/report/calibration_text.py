@@ -148,7 +148,7 @@ def repeatability_words(c: Calibration) -> str:
 
 def scatters(c: Calibration) -> str:
     """Warning that a large scatter of the drives may come from effects in part; empty if the scatter is small."""
-    if c.noise.repeatability <= PRIORS.scatters * c.noise.position_sigma:
+    if c.drive_scatter <= PRIORS.scatters:
         return ""
     return (
         f"Repeated visits scatter by {repeatability_words(c)} at each actuator. A calibration counts this as noise, but "
