@@ -381,8 +381,7 @@ def _true_warnings(texts: Sequence[str], found: Diagnosis) -> list[str]:
     recorded = found.dataset
     gross = np.isin(recorded.row, found.set_aside_rows) & sane_rows(recorded)  # there are other warnings of others
     gross[gross] = found.baseline.model.kinematics.forward(recorded.q[gross]).reached
-    explained = bool(found.causes) and found.verdict != "unknown"
-    return true_of_causes(texts, gross_errors(recorded, gross), explained=explained)
+    return true_of_causes(texts, gross_errors(recorded, gross), explained=found.verdict != "unknown")
 
 
 def _fitted(prepared: Prepared, settled: SearchState, found: Conclusion) -> tuple[Model, list[Cause]]:

@@ -98,8 +98,8 @@ def gross_errors(dataset: Dataset, aside: Mask) -> str:
 def true_of_causes(texts: Sequence[str], gross: str, *, explained: bool) -> list[str]:
     """The warnings of a calibration and of a diagnosis of the same data that are true of the fit with the causes.
 
-    ``gross``: the warning of the rows that this fit sets aside; empty where there is none. ``explained``: whether causes
-    explain the data.
+    ``gross``: the warning of the rows that this fit sets aside; empty where there is none. ``explained``: whether it
+    explains the data.
     """
     kept = [text for text in texts if not (text.startswith(GROSS) or (explained and UNEXPLAINED in text))]
     return [*kept, *([gross] if gross else [])]
