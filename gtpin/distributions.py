@@ -89,3 +89,13 @@ def truncated(mean: float, sigma: float) -> tuple[float, float]:
         return sigma / -a, sigma / -a
     h = math.exp(-0.5 * a * a) / math.sqrt(2.0 * math.pi) / float(special.ndtr(a))
     return mean + sigma * h, sigma * math.sqrt(max(1.0 - a * h - h * h, 0.0))
+
+
+def interval_above_0(mean: float, sigma: float) -> tuple[float, float]:
+    """The 95 % interval of the distribution of :func:`truncated`."""
+    above, ends = float(norm.sf(-mean / sigma)), (0.975, 0.025)
+    if above < 1e-12:
+        low, high = (sigma**2 / mean * math.log(share) for share in ends)
+    else:
+        low, high = (max(mean + sigma * float(norm.isf(share * above)), 0.0) for share in ends)
+    return low, high

@@ -181,6 +181,12 @@ def deferred() -> Iterator[list[str]]:
             warn(text)
 
 
+def withdraw(texts: Sequence[str]) -> None:
+    """Take warnings back that are :func:`deferred`: what they say was of a step that another one replaces."""
+    for noted_ in _notes.get():
+        noted_[:] = [text for text in noted_ if text not in texts]
+
+
 def warn(text: str, category: type[Warning] = GtpinWarning) -> None:
     """Issue a warning whose place is the line of the user's code that called gtpin."""
     text = harmless(text)

@@ -133,19 +133,20 @@ def response(model: Model, q: Floats, uncertainty: Uncertainty) -> ErrorResponse
     return ErrorResponse(fixed, np.concatenate(fresh, axis=2), whole - fixed)
 
 
-def unexplained_error(model: Model, by_commands: Floats) -> float:
-    """What a model does not explain of the data of its fit, as one sigma per axis of the TCP's position, m.
+def unexplained_error(model: Model, by_commands: Floats) -> tuple[float, float, float]:
+    """What a model does not explain of the data of its fit, as one sigma per axis of the TCP's position, m, and the ends of its
+    95 % interval.
 
     It is the root mean square over N poses of the model's discrepancy and of the noise of the drives, which is an error of
     the machine too. Where the noise of the instrument is not known, the discrepancy has both.
 
     ``by_commands``: (N, 6, n) derivative of the poses by the commands, m and rad.
     """
-    left = model.unexplained or EXPLAINED
-    power = left.position**2
+    left, drives = model.unexplained or EXPLAINED, 0.0
     if left.noise_known and model.fit is not None:
-        power += float(((model.fit.drives * by_commands[:, :3]) ** 2).sum(axis=(1, 2)).mean()) / 3.0
-    return float(np.sqrt(power))
+        drives = float(((model.fit.drives * by_commands[:, :3]) ** 2).sum(axis=(1, 2)).mean()) / 3.0
+    size, least, most = (float(np.sqrt(one**2 + drives)) for one in (left.position, *left.interval))
+    return size, least, most
 
 
 @dataclass(frozen=True)

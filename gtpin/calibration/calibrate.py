@@ -205,6 +205,9 @@ def calibrate(
         found = with_kept_effects(data, kept, robot, calibrated) if kept else calibrated(data)
         if found.worse:
             warn(found.worse)
+        if found.assumed_turn is not None:
+            size = f"{found.assumed_turn:.2g} rad, which the residuals show, is used"
+            warn(f"orientation_sigma is not declared: {size}, and orientation errors of this size count as noise")
     dataset = dataset if poses is None else replace(data, trusted=dataset.trusted)
     return replace(
         found, dataset=dataset, paper_model=model, warnings=dataset.all_warnings(texts), history=tuple(history)
@@ -321,7 +324,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tra
     covariance = final.covariance[:p, :p] * np.outer(geometry.tolerance, geometry.tolerance)
     before = nominal_residual(settled.fit.problem, near[settled.used])
     residual = problem.raw_residual(point, point.poses)
-    variance, known = _variances(final, noise), noise.source != "residuals"
+    variance, known = _variances(final, noise), noise.known
     unexplained = unexplained_by(settled.fit, residual, variance, known=known, dof=noise.dof)
     floor = _at_most(variance, residual, measured.group, settled.dof / problem.count)
     out, some = left_out(final, np.unique(measured.q, axis=0, return_inverse=True)[1].ravel())

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from gtpin.calibration.gauss_newton import Fit, fit
-from gtpin.calibration.left_out import left_out
+from gtpin.calibration.left_out import MOST_LEFT_OUT, left_out
 from gtpin.calibration.observability import Observability, observability, with_priors
 from gtpin.calibration.problem import Problem
-from gtpin.distributions import chi2, f
+from gtpin.distributions import chi2, f, interval_above_0
 from gtpin.instruments.readings import Readings
 from gtpin.model.fit_conditions import ModelDiscrepancy
 from gtpin.noise import weights
@@ -59,7 +59,7 @@ def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bo
 
     A number of a pose counts once, with the mean of its visits, and the degrees of freedom are the count of these means less
     the parameters that were fitted. One standard deviation of the mean square is added. Where chi-square shows no unexplained
-    errors, they are 0.
+    errors, they are 0; the upper end of their interval is not.
 
     ``fit``: the fit of N rows with c numbers each. ``errors``: (N, c) its residuals, m and rad. ``variance``: (N, c)
     variance of the noise of each number, m^2 or rad^2. ``known``: whether the noise was declared, or repeated visits showed
@@ -73,20 +73,38 @@ def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bo
     own = np.unique(places, return_index=True)[1]  # one number of each pose and component
     means, noise = (np.bincount(places, x[counted])[places[own]] / visits[places[own]] for x in (errors, variance))
     free = max(len(own) - fit.effective_parameters, 1.0)
+    explained = False
     if known:
         power = mean_power(fit.residual[counted], places, np.ones(len(places)))
         chance = chi2.sf(power, free) if np.isinf(dof) else f.sf(power / free, free, dof)
-        if chance >= LACK_OF_FIT:
-            return ModelDiscrepancy(0.0, 0.0)
+        explained = bool(chance >= LACK_OF_FIT)
 
-    def size(some: Mask) -> float:
+    def size(some: Mask) -> tuple[float, float, float]:
+        """Unexplained error of a kind of numbers, and the ends of its 95 % interval."""
         if not some.any():
-            return 0.0
-        seen = float((means[some] ** 2).mean()) * len(own) / free * (1.0 + np.sqrt(2.0 / free))
+            return 0.0, 0.0, 0.0
+        of_kind = max(
+            some.sum() - _parameters_of(fit, measured.group_turns[measured.group] == turns[own][some][0]), 1.0
+        )
+        seen = float((means[some] ** 2).sum()) / of_kind
         random = float((noise[some] / visits[places[own]][some]).mean()) if known else 0.0
-        return float(np.sqrt(max(seen - random, 0.0)))
+        sd = float(np.hypot(max(seen, random) * np.sqrt(2.0 / of_kind), random * np.sqrt(2.0 / dof)))
+        least, most = interval_above_0(seen - random, max(sd, 1e-300))
+        found = 0.0 if explained else np.sqrt(max(seen + sd - random, 0.0))
+        return float(found), 0.0 if explained or not known else float(np.sqrt(least)), float(np.sqrt(most))
 
-    return ModelDiscrepancy(size(~turns[own]), size(turns[own]), known)
+    position, least, most = size(~turns[own])
+    return ModelDiscrepancy(position, size(turns[own])[0], known, least, most)
+
+
+def _parameters_of(fit: Fit[Any], some: Mask) -> float:
+    """The effective number of parameters that the numbers of a mask (N, c) take: the sum of their leverages, where there are
+    others; of at most 2,000 rows, in proportion."""
+    if some.all():
+        return fit.effective_parameters
+    rows = np.unique(np.linspace(0, len(some) - 1, min(len(some), MOST_LEFT_OUT)).round().astype(int))
+    leverage = ((fit.problem.jacobian(fit.point, rows, fit.weight[rows]) @ fit.root) ** 2).sum(axis=2)
+    return float(fit.effective_parameters * leverage[some[rows]].sum() / max(leverage.sum(), 1e-300))
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gtpin.calibration.gauss_newton import Fit
+from gtpin.calibration.noise_estimator import noise_at
 from gtpin.calibration.observability import Direction, Observability, Remedy, of_geometry, with_priors
 from gtpin.calibration.problem import Problem
 from gtpin.calibration.regressor import BaseParameter, Regressor, base_parameters, regressor
@@ -18,6 +19,7 @@ from gtpin.estimate import Estimate
 from gtpin.instruments.instrument import Unknown
 from gtpin.model.departures import Zero, equivalent_zeros
 from gtpin.model.model import Model
+from gtpin.noise.estimate import ENOUGH
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.output.shown import FitResult, present
 from gtpin.typing import Floats, Mask
@@ -224,8 +226,34 @@ class Calibration(FitResult):
 
     @property
     def noise_known(self) -> bool:
-        """Whether the noise was declared, or shown by repeated visits, and not taken from the residuals."""
-        return self.noise.source != "residuals"
+        """Whether the noise was declared, or shown by repeated visits, and not taken from the residuals; of poses of one
+        tracker that of the positions."""
+        return self.noise.known
+
+    @property
+    def assumed_turn(self) -> float | None:
+        """The noise of a tracker's orientations, rad, where it was taken from the residuals beside the known one of the
+        positions; else None."""
+        assumed = self.noise_known and self.noise.source == "residuals"
+        return self.noise.orientation_sigma if assumed else None
+
+    @cached_property
+    def drive_scatter(self) -> float:
+        """Scatter of what is measured by the repeatability of the drives, over the noise of the instruments: the median over
+        the rows, of a pose over the axes of its position; 0 where the drives show none."""
+        if self.noise.repeatability == 0.0:
+            return 0.0
+        problem, point = self.fit.problem, self.fit.point
+        some = np.arange(len(point.poses))[:: 1 + len(point.poses) // ENOUGH]
+        poses, measured = point.poses[some], problem.measured.take(some)
+        J = measured.change_by(point.model.kinematics.command_jacobian(measured.q, poses), point.model, poses)
+        moved = np.sqrt((J**2).sum(axis=2))[:, : min(3, J.shape[1])]
+        sigma = noise_at(self.noise, measured).each[:, : moved.shape[1]]
+        return float(np.median(self.noise.repeatability * moved / sigma))
+
+    def shows_noise(self, one: InstrumentFit) -> bool:
+        """Whether the noise floor of an instrument's errors is of known noise, and not of the residuals."""
+        return self.noise_known and (one.unit != "rad" or self.assumed_turn is None)
 
     @property
     def worse(self) -> str:
@@ -329,7 +357,7 @@ def _errors_json(c: Calibration) -> dict[str, float | None]:
         one = next((one for one in c.by_instrument if one.kind == "tracker" and one.unit == unit), None)
         for key, name in (("rms_before", "before"), ("rms_after", "after"), ("rms_left_out", "left_out")):
             found[f"{what}_{key}"] = getattr(one, name, None)
-        found[f"{what}_noise_floor"] = one.floor if one and c.noise_known else None
+        found[f"{what}_noise_floor"] = one.floor if one and c.shows_noise(one) else None
     return found
 
 

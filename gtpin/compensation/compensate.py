@@ -20,6 +20,9 @@ TOLERANCE = 1e-9
 """Largest accepted error of the TCP, m and rad."""
 STEPS = 25
 """Largest number of Newton steps."""
+SINGULAR = 1e-2
+"""Singular values of a Jacobian, relative to the largest, that are treated as zero. Near a singular posture, an error of
+micrometres would otherwise change the commands a lot: for an arm of 1 m, 0.01 limits the change to 0.1 rad per mm of error."""
 NOT_THE_MACHINE = {
     "frame": "it moves the instrument, not the machine; base frame: the mean over the measurements, not that at their start",
     "platform": "it moves the target; the data do not show whether the tool moves with it; target: its mean place",
@@ -88,6 +91,51 @@ def compensate(
             hint="a position may lie in the gap of a rack_step: shift it a little",
         )
     return q
+
+
+def position_first(jacobian: Floats, error: Floats) -> Floats:
+    """(N, n) Gauss-Newton steps that take away the position's part of errors (N, 6), m and rad, and of the orientation what the
+    commands that leave the position alone can; ``jacobian``: (N, 6, n) derivative of the poses by the commands.
+
+    It is inverse kinematics with task priority (Siciliano and Slotine 1991), without the singular values of `SINGULAR`.
+    """
+    by_position, by_turn = jacobian[:, :3], jacobian[:, 3:]
+    inverse = np.linalg.pinv(by_position, rcond=SINGULAR)
+    step = np.einsum("nij,nj->ni", inverse, error[:, :3])
+    free = by_turn - by_turn @ inverse @ by_position
+    least = SINGULAR * np.linalg.norm(jacobian, 2, axis=(1, 2)) / np.linalg.norm(free, 2, axis=(1, 2))
+    turned = error[:, 3:] - np.einsum("nij,nj->ni", by_turn, step)
+    return np.asarray(step + np.einsum("nij,nj->ni", np.linalg.pinv(free, rcond=np.minimum(least, 1.0)), turned))
+
+
+def near_singular(model: Model, q: Floats) -> Mask:
+    """(N,) whether commands (N, n) of a robot with six actuators or more are near a singular posture: see `SINGULAR`."""
+    poses = model.kinematics.forward(q)
+    found = ~poses.reached
+    sizes = np.linalg.svd(model.kinematics.command_jacobian(q[~found], poses[~found])[:, :6], compute_uv=False)
+    found[~found] = sizes[:, 5] < SINGULAR * sizes[:, 0]
+    return found
+
+
+def nearest(
+    model: Model, T: Floats, R: Floats, covariates: Mapping[str, Column], start: Floats
+) -> tuple[Floats, Floats]:
+    """Commands (N, n) that bring the TCP to positions T (N, 3), with rotations as near to R (N, 3, 3) as this allows; and the
+    errors (N, 6) that they leave, m and rad, base frame: NaN where they can't be reached.
+
+    ``start``: (N, n) commands from which :func:`position_first` steps. They are those of six actuators or more.
+    """
+    machine, q = machine_of(model), start.copy()
+    error = np.full((len(q), 6), np.nan)
+    for _ in range(STEPS):
+        poses, there = machine.kinematics.forward(q), machine.predict(q, covariates)
+        reached = poses.reached & there.reached
+        error[reached], error[~reached] = errors_of(there[reached], T[reached], R[reached]), np.nan
+        step = position_first(machine.kinematics.command_jacobian(q[reached], poses[reached])[:, :6], error[reached])
+        if np.abs(step).max(initial=0.0) <= 0.1 * TOLERANCE:
+            break
+        q[reached] += step
+    return q, error
 
 
 def attempted(

@@ -12,9 +12,11 @@ from typing import overload
 import numpy as np
 
 from gtpin.calibration.calibrate import FIXED, PER_POSE
+from gtpin.calibration.checks.suspected import gross_errors, true_of_causes
 from gtpin.calibration.robust_fit import Progress
 from gtpin.calibration.thinning import thinned
 from gtpin.data import Dataset, by_region
+from gtpin.data.plausible import sane_rows
 from gtpin.diagnosis.against import check
 from gtpin.diagnosis.changed_geometry import LengthChange, TrackChange
 from gtpin.diagnosis.doubts import (
@@ -65,7 +67,7 @@ from gtpin.diagnosis.why import why_of
 from gtpin.effects.catalogue import catalogue
 from gtpin.effects.driver import driver_effects
 from gtpin.effects.effect import Effect
-from gtpin.errors import ConvergenceError, ModelError, check_kind, noted, warn
+from gtpin.errors import ConvergenceError, ModelError, check_kind, deferred, noted, warn
 from gtpin.memory import require
 from gtpin.model.measured_robot import check_same_robot, measuring, robot_of
 from gtpin.model.model import Model
@@ -223,7 +225,9 @@ def diagnose(
                 trusted = thinned(trusted, nominal_geometry(nominal, tolerance=trusted.tolerance), poses)
             scope = Scope.of((*known, *driver_effects(trusted, nominal)), exclude, false_alarm, nominal, priors)
             place = None if why is None else scope.place(why, nominal)
-            found = _diagnose(trusted, nominal, known, scope, hold_out, seed, report, place)
+            with deferred() as of_the_fits:
+                found = _diagnose(trusted, nominal, known, scope, hold_out, seed, report, place)
+                of_the_fits[:] = _true_warnings(of_the_fits, found)
         else:
             check_same_robot(against.robot, trusted)
             geometry = against.geometry
@@ -370,6 +374,14 @@ def _diagnose(
         dataset=recorded,
         why=why,
     )
+
+
+def _true_warnings(texts: Sequence[str], found: Diagnosis) -> list[str]:
+    """The warnings of a diagnosis and its calibrations that are true of its last fit."""
+    recorded = found.dataset
+    gross = np.isin(recorded.row, found.set_aside_rows) & sane_rows(recorded)  # there are other warnings of others
+    gross[gross] = found.baseline.model.kinematics.forward(recorded.q[gross]).reached
+    return true_of_causes(texts, gross_errors(recorded, gross), explained=found.verdict != "unknown")
 
 
 def _fitted(prepared: Prepared, settled: SearchState, found: Conclusion) -> tuple[Model, list[Cause]]:

@@ -444,9 +444,9 @@ def correlated_residuals(context: Context) -> Conclusion | None:
 
 def _scatter(context: Context) -> float:
     """Scatter of the drives over the instrument's noise: from repeated visits for poses, from all residuals for readings."""
-    visits, noise = context.prepared.baseline.noise, context.settled.observed.noise
+    noise = context.settled.observed.noise
     if context.of_poses:
-        return visits.repeatability / visits.position_sigma
+        return context.prepared.baseline.drive_scatter
     moved = np.sqrt((context.hypotheses.design.by_command_seen**2).sum(axis=2))
     return float(np.median(noise.repeatability * moved / noise.each))
 

@@ -20,6 +20,7 @@ from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, Posterior, all_gains, exchanged, fixed, tuned
 from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, Scope, SmoothTerm, Term, explained_by, modulates, related
 from gtpin.diagnosis.scan import Scan
+from gtpin.diagnosis.smooth_terms import smooth_terms
 from gtpin.effects.displacement import Displacement
 from gtpin.effects.untestable import Untestable
 from gtpin.typing import Floats
@@ -287,6 +288,17 @@ class HypothesisSet:
         """(N c, m) whitened displacements of a model's terms, at their scales."""
         scaled = (self.groups.columns(term) * scale for term, scale in scales(model).items())
         return np.hstack([np.zeros((len(self.design.y), 0)), *scaled])
+
+    def columns_at(self, design: Design, model: Posterior[Term]) -> Floats:
+        """The same at the rows of another linear problem, with the references of this one."""
+        at, own = design.operating_points, smooth_of(model)
+        scaled = not any(term.motion == "scale" for term in own)
+        smooth: dict[Term, Displacement] = dict(smooth_terms(at, self.priors, scaled)) if own else {}
+        found = [
+            design.columns(term.basis(at) if isinstance(term, Hypothesis) else smooth[term]) * scale
+            for term, scale in scales(model).items()
+        ]
+        return np.hstack([np.zeros((len(design.y), 0)), *found])
 
     def only(self, model: Posterior[Term], terms: Iterable[Term]) -> Posterior[Term]:
         """The model with only some of its terms, at the same scales."""

@@ -82,7 +82,7 @@ def _unexplained(problem: JointProblem, found: Fit[JointProblem], noise: Reading
     colour = np.linalg.inv(problem.calibration.whitening)
     errors = np.einsum("nij,nj->ni", colour, found.residual)
     variance = (colour**2).sum(axis=2)
-    return unexplained_by(found, errors, variance, known=noise.source != "residuals", dof=noise.dof)
+    return unexplained_by(found, errors, variance, known=noise.known, dof=noise.dof)
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,8 @@ from gtpin.distributions import chi2, f
 from gtpin.effects.operating_points import OperatingPoints, References
 from gtpin.effects.sites import loaded_along
 from gtpin.effects.smooth import loads_of
-from gtpin.errors import warn
+from gtpin.errors import unheard, warn
+from gtpin.instruments.readings import Readings
 from gtpin.noise.estimate import (
     LEAST_CONTRASTS,
     contradicted,
@@ -60,11 +61,14 @@ def gross_errors(hypotheses: HypothesisSet, model: Posterior[Term]) -> npt.NDArr
 
     Readings are compared with readings of the same sigma. If one number of a table's row is a gross error, the whole row is.
     """
-    residual, _ = left_over(hypotheses, model)
-    measured, most = hypotheses.design.measured, hypotheses.priors.absurd
+    return _gross_rows(left_over(hypotheses, model)[0], hypotheses.design.measured, hypotheses.priors)
+
+
+def _gross_rows(residual: Floats, measured: Readings, priors: Priors) -> npt.NDArray[np.bool_]:
+    """(N,) gross errors among the whitened residuals (N, c) of some readings."""
     found = np.zeros(len(residual), dtype=bool)
     for rows in measured.noise_groups:
-        found[rows] = _gross(residual[rows], most)
+        found[rows] = _gross(residual[rows], priors.absurd)
     row = measured.rows.row
     return np.isin(row, row[found])
 
@@ -307,7 +311,8 @@ class ShownNoise:
             base = replace(inferred, estimated=~known)
         else:
             base = replace(inferred, sigma=sigma, estimated=~known, repeatability=0.0)
-        rows_open = np.unique(base.group[~np.isfinite(base.row_sigma)])
+        # Beside a known noise of a tracker's positions, residuals show that of its orientations.
+        rows_open = np.unique(base.group[:, design.compared][~np.isfinite(base.row_sigma[:, design.compared])])
         assumed = bool((~known)[rows_open].any())
         residual, effective_parameters = left_over(hypotheses, guess)
         errors = design.coloured(residual)
@@ -425,7 +430,50 @@ class SearchState:
 def settle(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generator) -> SearchState:
     """Decide which of the rows (N,) are gross errors, estimate the noise, and propose hypotheses.
 
-    The search uses at most ``MOST_POSES`` random rows; ``FEW_POSES`` for a robot without rods whose model is long.
+    Rows that the calibration had set aside, and that the model of a first search predicts, are no gross errors: the search is
+    repeated with them.
+    """
+    found = _settled(prepared, rows, scope, rng)
+    predicted = _predicted(prepared, rows, found)
+    return _settled(prepared, rows | predicted, scope, rng) if predicted.any() else found
+
+
+def _predicted(prepared: Prepared, rows: Mask, found: SearchState) -> Mask:
+    """(N,) the rows outside of ``rows`` that the model of a search predicts to its uncertainty and noise.
+
+    They looked like gross errors of the geometry alone, such as the first poses of a machine that becomes warm.
+    """
+    dataset, baseline, hypotheses = prepared.dataset, prepared.baseline, found.hypotheses
+    left = ~rows & baseline.model.kinematics.forward(dataset.q).reached
+    if not (left.any() and found.guess.terms):
+        return np.zeros_like(left)
+    both = np.flatnonzero(left | np.isin(dataset.row, found.searched.row))
+    observed = Observed.of(dataset.take(both), baseline)
+    merged = hypotheses.design.operating_points
+    if "session" in observed.covariates:  # consecutive sessions may count as one in the search
+        same = dict(zip(found.searched.covariates["session"], merged.covariates["session"], strict=True))
+        names = np.array([same.get(name, name) for name in observed.covariates["session"]], dtype=object)
+        observed = replace(observed, covariates={**observed.covariates, "session": names})
+    observed = replace(observed, noise=observed.noise.sized_as(found.observed.noise))
+    design = observed.design(baseline.model, merged.references)
+    with unheard():  # of sessions all of whose rows are among these
+        J, prior = design.beside(hypotheses.columns_at(design, found.guess))
+    c, new = design.components, left[both]
+    known = J[np.repeat(~new, c)]
+    root = np.linalg.inv(np.linalg.cholesky(known.T @ known + np.diag(prior))).T
+    residual = (design.y - J @ (root @ (root.T @ (known.T @ design.y[np.repeat(~new, c)])))).reshape(-1, c)
+    half = (J @ root).reshape(-1, c, J.shape[1])[new]
+    spread = np.linalg.cholesky(np.eye(c) + half @ np.swapaxes(half, 1, 2))
+    residual[new] = np.linalg.solve(spread, residual[new][..., None])[..., 0]
+    predicted = np.zeros_like(left)
+    predicted[both] = ~_gross_rows(residual, design.measured, hypotheses.priors)
+    return predicted & left
+
+
+def _settled(prepared: Prepared, rows: Mask, scope: Scope, rng: np.random.Generator) -> SearchState:
+    """As :func:`settle`, by one search.
+
+    It uses at most ``MOST_POSES`` random rows; ``FEW_POSES`` for a robot without rods whose model is long.
     """
     kept, baseline = prepared.dataset.take(rows), prepared.baseline
     among_outliers = ~baseline.used(prepared.dataset)[rows]

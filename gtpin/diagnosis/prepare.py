@@ -18,7 +18,7 @@ from gtpin.data import Dataset
 from gtpin.data.files import warn_of
 from gtpin.data.plausible import sane_rows
 from gtpin.diagnosis.priors import PRIORS, Priors
-from gtpin.errors import DatasetError
+from gtpin.errors import DatasetError, withdraw
 from gtpin.instruments.readings import Readings, single
 from gtpin.model.model import Model
 from gtpin.robot.chain import Chain
@@ -49,7 +49,11 @@ class Prepared:
     def undeclared(
         self, sigmas: Collection[str], nominal: Chain, progress: Progress | None, priors: Priors, *, widen: bool
     ) -> Prepared:
-        """The same, with a calibration that estimates the sigmas of the instrument's keys ``sigmas``; ``declared`` stays."""
+        """The same, with a calibration that estimates the sigmas of the instrument's keys ``sigmas``; ``declared`` stays.
+
+        Takes back: the deferred warnings of the calibration with the declared sigmas.
+        """
+        withdraw(self.baseline.warnings)
         instrument = self.recorded.instrument.model_copy(update=dict.fromkeys(sigmas))
         again = prepare(replace(self.recorded, instrument=instrument), nominal, progress, priors, widen=widen)
         return replace(again, declared=self.declared)

@@ -228,7 +228,7 @@ def not_explained(model: Model) -> tuple[str, ...]:
     if left is None or left.none:
         return ()
     q, poses = postures(model.of_tool())
-    size = np.sqrt(3.0) * unexplained_error(model, model.of_tool().kinematics.command_jacobian(q, poses))
+    size = np.sqrt(3.0) * unexplained_error(model, model.of_tool().kinematics.command_jacobian(q, poses))[0]
     noise = "" if left.noise_known else "; noise of the instrument is in it, because it is not known"
     what = f"{um(size)} um" if left.position else f"{1e6 * left.orientation:.3g} urad"
     return (f"is of a model that leaves {what} of the data of its fit unexplained (errors from pose to pose{noise})",)

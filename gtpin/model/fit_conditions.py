@@ -23,16 +23,26 @@ class ModelDiscrepancy:
     ``position``, ``orientation``: of the position, m, and of the orientation, rad; 0 where chi-square shows no such errors.
     ``noise_known``: True: the noise was declared, or repeated visits of poses showed it. False: what was left of the fit
     can't be divided into noise and errors of the model, and all of it counts as unexplained.
+    ``least``, ``most``: ends of the 95 % interval of ``position``, m; ``least`` is 0 where all of it can be noise. None: not
+    known, as in models of older versions.
     """
 
     position: float
     orientation: float
     noise_known: bool = True
+    least: float | None = None
+    most: float | None = None
 
     @property
     def none(self) -> bool:
         """Whether nothing is unexplained."""
         return self.position == 0.0 and self.orientation == 0.0
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """``least`` and ``most``; where they are not known, ``position``, or 0 if all of it can be noise."""
+        least = self.position if self.noise_known else 0.0
+        return least if self.least is None else self.least, self.position if self.most is None else self.most
 
 
 EXPLAINED = ModelDiscrepancy(0.0, 0.0)

@@ -59,6 +59,8 @@ class UnexplainedRecord(Record):
     position: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
     orientation: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
     noise_known: bool
+    least: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None = None
+    most: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None = None
 
 
 class ModelFile(Record):

@@ -72,6 +72,13 @@ class ReadingNoise:
         return float(self.sigma[1]) if len(self.sigma) > 1 else USUAL_TURN
 
     @property
+    def known(self) -> bool:
+        """Whether the noise was declared, or repeated visits showed it. Of a pose that of the position is enough: beside it,
+        residuals show the noise of the orientation."""
+        first = self.group[:, 0][~np.isfinite(self.row_sigma[:, 0])]
+        return self.source != "residuals" or not self.estimated[np.unique(first)].any()
+
+    @property
     def each(self) -> Floats:
         """(N, c) sigma of each number."""
         return np.where(np.isfinite(self.row_sigma), self.row_sigma, self.sigma[self.group])

@@ -151,6 +151,6 @@ def _numbers(c: Calibration) -> list[tuple[str, str]]:
     for one in c.by_instrument:
         numbers.append((quantity(one.before, one.unit), f"nominal geometry{best_frame(c)}: {one.what}, RMS"))
         numbers.append((quantity(one.left_out, one.unit), "calibrated geometry, at left-out poses"))
-        numbers.append((quantity(one.floor, one.unit), noise if c.noise_known else UNKNOWN))
+        numbers.append((quantity(one.floor, one.unit), noise if c.shows_noise(one) else UNKNOWN))
     meaning = ", which can't judge the fit here" if cannot_judge(c) else f", 1 ± {np.sqrt(2.0 / c.dof):.2f} if it fits"
     return [*numbers, (f"{c.chi2_per_dof:.2f}", f"chi-square per degree of freedom{meaning}")]

@@ -49,7 +49,7 @@ def elsewhere(c: Calibration) -> list[str]:
     if not known or expected <= max(known):
         return []
     kinematics = c.model.kinematics
-    left = unexplained_error(c.model, kinematics.command_jacobian(q, kinematics.forward(q)))
+    left = unexplained_error(c.model, kinematics.command_jacobian(q, kinematics.forward(q)))[0]
     expected = float(np.hypot(expected, np.sqrt(3.0) * left))
     poses = c.model.predict(c.dataset.q[c.used(c.dataset)]).T
     sizes = np.ptp(poses, axis=0)
@@ -148,7 +148,7 @@ def repeatability_words(c: Calibration) -> str:
 
 def scatters(c: Calibration) -> str:
     """Warning that a large scatter of the drives may come from effects in part; empty if the scatter is small."""
-    if c.noise.repeatability <= PRIORS.scatters * c.noise.position_sigma:
+    if c.drive_scatter <= PRIORS.scatters:
         return ""
     return (
         f"Repeated visits scatter by {repeatability_words(c)} at each actuator. A calibration counts this as noise, but "

@@ -304,7 +304,7 @@ def cause_lines(found: Findings, noun: str = "gap", most: int = LINES) -> list[s
 
 
 def _line(found: Findings, cause: Cause, noun: str) -> str:
-    """A cause with its size, or the first members of its class."""
+    """A cause with its size, and the first other members of its class where it is not certain."""
     size, sure = explained_words(found, cause), cause.probability >= SURE
     share = f"{size} of the {noun}" if size else ""
     if sure or len(cause.members) == 1:
@@ -316,7 +316,7 @@ def _line(found: Findings, cause: Cause, noun: str) -> str:
     second += f" ({chance(sum(one.probability for one in rest[0]))})"
     if len(rest) > 1:
         second = f"{'' if probable else 'one of '}{len(rest)} others"
-    first = f"{cause_name(found, cause)} ({chance(cause.probability)})"
+    first = f"{sized(found, cause, cause_name(found, cause))} ({chance(cause.probability)})"
     words = ", ".join(filter(None, ("Probable" if probable else "Open", share)))
     if probable:
         return f"{words}: {first}; not excluded: {second}"

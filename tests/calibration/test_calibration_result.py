@@ -13,8 +13,11 @@ from scipy.spatial.transform import Rotation
 from virtual_gantry import commands, names, undeclared
 
 import gtpin
+from gtpin.bench.simulator import simulate
 from gtpin.data import InstrumentSection
+from gtpin.diagnosis.priors import PRIORS
 from gtpin.errors import GtpinError
+from gtpin.report.calibration_text import scatters
 
 RMS = [f"{what}_rms_{when}" for what in ("position", "orientation") for when in ("before", "after")]
 KEYS = {"schema": str, "model": str, "poses": int, "rejected": list, "chi2_per_dof": float, "iterations": int}
@@ -171,3 +174,19 @@ def test_a_fit_that_is_worse_than_the_nominal_robot_is_told_on_the_first_line():
     text = worse.summary()
     assert text.splitlines()[0].endswith(": worse than nominal")
     assert re.search(r"The fit makes the orientation error from \d+ to \d+ urad: don't use this model\.", text)
+
+
+@pytest.mark.parametrize("name", quick_first(["so100", "gantry_tau", "ur5"]))
+def test_the_scatter_of_drives_is_compared_with_noise_where_it_is_measured(name: str) -> None:
+    """Whether drives turn or slide, and however long the arm is: commands scattered by 10 um or 10 urad, predicted."""
+    rng, robot = np.random.default_rng(0), gtpin.load_robot(name)
+    found = gtpin.calibrate(simulate(robot, name, poses=60, seed=1, held_out=1).dataset)
+    repeatability, q = 1e-5, np.repeat(found.dataset.q, 50, axis=0)
+    there = found.model.predict(q + rng.normal(0.0, repeatability, q.shape)).T
+    sizes = (there - found.model.predict(q).T).reshape(-1, 50, 3).std(axis=1)
+    sigma = found.noise.position_sigma
+    scattering = replace(found, noise=replace(found.noise, repeatability=repeatability))
+    assert scattering.drive_scatter == pytest.approx(np.median(sizes) / sigma, rel=0.1)
+    for share, told in ((0.8, False), (1.25, True)):
+        size = share * PRIORS.scatters * sigma / float(np.median(sizes)) * repeatability
+        assert bool(scatters(replace(found, noise=replace(found.noise, repeatability=size)))) is told

@@ -15,6 +15,7 @@ from gtpin.calibration.fit_state import unexplained_by
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.left_out import of_poses
 from gtpin.extras.certificate.held_against import root_of
+from gtpin.model.fit_conditions import ModelDiscrepancy
 from gtpin.model.model_folder import read_model, write_model
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "certificate"
@@ -87,6 +88,47 @@ def test_visits_that_agree_do_not_make_a_model_right(visits):
     clean = errors - np.repeat(between, visits)
     assert left(clean, 0.0, True).none
     assert not left(clean, 0.0, False).none
+
+
+@pytest.mark.parametrize(("ratio", "known"), [(0.0, True), (0.5, True), (1.0, True), (3.0, True), (1.0, False)])
+def test_the_interval_of_what_is_unexplained_has_95_percent(ratio, known):
+    """Sixty poses, whose positions alone depend on 40 parameters; errors of so many sigmas of their noise from pose to pose."""
+    rng, n, sigma = np.random.default_rng(0), 60, np.repeat([1.5e-5, 5e-5], 3)
+    group = np.tile(np.repeat([0, 1], 3), (n, 1))
+    measured = SimpleNamespace(
+        q=np.arange(float(n))[:, None],
+        read=np.zeros(n, dtype=int),
+        counted=np.ones((n, 6)),
+        group=group,
+        group_turns=np.array([False, True]),
+    )
+    J = np.zeros((n, 6, 40))
+    J[:, :3] = np.linalg.qr(rng.standard_normal((3 * n, 40)))[0].reshape(n, 3, 40)
+    inside, true = [], ratio * sigma[0]
+    for _ in range(400):
+        errors = rng.standard_normal((n, 6)) * np.hypot(sigma, [true] * 3 + [0.0] * 3)
+        whitened = (errors / sigma).reshape(-1)
+        left = (whitened - J.reshape(-1, 40) @ (J.reshape(-1, 40).T @ whitened)).reshape(n, 6)
+        fit = SimpleNamespace(
+            problem=SimpleNamespace(measured=measured, jacobian=lambda point, rows, weight: J[rows]),
+            point=None,
+            weight=np.ones(n),
+            root=np.eye(40),
+            effective_parameters=40.0,
+            residual=left,
+        )
+        found = unexplained_by(fit, left * sigma, np.tile(sigma**2, (n, 1)), known=known, dof=np.inf)
+        least, most = found.interval
+        assert least <= found.position <= most
+        inside.append(least <= true <= most)
+    assert np.mean(inside) > 0.92
+    assert found.interval[0] > 0.0 or not (known and ratio > 1.0)
+    assert most < 1.5 * np.hypot(true, sigma[0])  # not by an interval of any width
+
+
+def test_models_of_older_versions_state_what_they_know_of_the_unexplained():
+    assert ModelDiscrepancy(2e-5, 0.0).interval == (2e-5, 2e-5)
+    assert ModelDiscrepancy(2e-5, 0.0, False).interval == (0.0, 2e-5)
 
 
 @pytest.mark.slow

@@ -231,7 +231,10 @@ def test_two_columns_of_commands_that_are_swapped_are_recognised():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("frame", "home"), [("robot", (0.3, -0.2)), ("free", (0.3, -0.2)), ("robot", (1.2, -0.7))])
+@pytest.mark.parametrize(
+    ("frame", "home"),
+    [("robot", (0.3, -0.2)), ("free", (0.3, -0.2)), ("robot", (1.2, -0.7)), ("free", (1.2, -0.7))],
+)
 def test_commands_of_a_five_bar_that_are_counted_from_another_home_are_named(frame, home):
     """One zero and another frame fit as well as two zeros do only where the tolerances explain what they leave."""
     right = simulate(gtpin.load_robot(FIVE_BAR), FIVE_BAR, poses=60, seed=3, held_out=1).dataset

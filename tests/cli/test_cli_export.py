@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pinocchio as pin
 import pytest
 from ran import refused
 from with_effects import active
@@ -128,21 +129,66 @@ def test_commands_out_of_reach_are_named_and_stay_and_the_others_are_corrected(
     assert "none of the poses can be reached" in ran.err
 
 
-def test_commands_that_stay_are_told_with_how_far_the_tcp_is_off_there(run: Run, tmp_path: Path) -> None:
-    """A UR5 whose forearm is 2 mm short can't reach what the nominal arm does when it is stretched."""
+def test_where_the_pose_is_out_of_reach_the_position_is_corrected_and_the_rest_is_told(
+    run: Run, tmp_path: Path
+) -> None:
+    """A UR5 with a short forearm, stretched, and with the axes of its wrist in line; its own URDF, by Pinocchio."""
     nominal = gtpin.read_model("ur5")
-    geometry, name = nominal.geometry, "placement[wrist_1_joint].x"
-    short = gtpin.Model(geometry.with_values(geometry.values + 2e-3 * (np.array(geometry.names) == name)))
-    gtpin.write_model(short, tmp_path / "short")
-    q = np.array([[0.3, -1.2, 1.4, 0.2, 1.5, 0.1], [0.3, -1.2, 0.0, 0.2, 1.5, 0.1], [0.1, -1.0, 0.0, 0.4, 1.4, 0.2]])
-    Commands(np.array(["bent", "far", "farther"], dtype=object), q).write(tmp_path / "commands.csv")
+    geometry, wrong = nominal.geometry, {"placement[wrist_1_joint].x": 2e-3, "placement[wrist_3_joint].ry": 1e-3}
+    off = np.array([wrong.get(name, 0.0) for name in geometry.names])
+    gtpin.write_model(gtpin.Model(geometry.with_values(geometry.values + off)), tmp_path / "short")
+    q = np.array([[0.3, -1.2, 1.4, 0.2, 1.5, 0.1], [0.3, -1.2, 0.0, 0.2, 1.5, 0.1], [0.1, -1.0, 0.9, 0.4, 1e-3, 0.2]])
+    Commands(np.array(["bent", "far", "in line"], dtype=object), q).write(tmp_path / "commands.csv")
     ran = run("export", tmp_path / "short", "-o", tmp_path / "new.csv", "--commands", tmp_path / "commands.csv")
     assert ran.code == 0, ran.err
     found = re.search(
-        r"as they were, .*: far \(row 3\), farther \(row 4\); there the TCP is off by (\S+) um RMS", ran.err
+        r"brings 2 of 3 to the position alone, .*: far \(row 3\) off by (\S+) mrad, in line \(row 4\) off by (\S+) mrad",
+        ran.err,
     )
     assert found is not None, ran.err
-    assert float(found[1]) == pytest.approx(2000.0, rel=0.01)  # the forearm is straight: the whole arm beyond it moves
+    new = pd.read_csv(tmp_path / "new.csv")[[f"q{k}" for k in range(1, 7)]].to_numpy()
+    assert np.abs(new - q).max() < 0.1  # no axis turns far for an error of a milliradian
+    model = pin.buildModelFromUrdf(str(tmp_path / "short" / "robot.urdf"))
+    data, tool = model.createData(), model.getFrameId("tool0")
+    meant, turned = nominal.predict(q), []
+    for i in range(3):
+        pin.framesForwardKinematics(model, data, new[i])
+        there = data.oMf[tool]
+        assert np.abs(there.translation - meant.T[i]).max() < 1e-8
+        turned.append(1e3 * np.linalg.norm(pin.log3(meant.R[i] @ there.rotation.T)))
+    assert turned[0] < 1e-5
+    assert [float(found[1]), float(found[2])] == pytest.approx(turned[1:], rel=0.01)
+
+
+def test_commands_that_stay_are_told_with_how_far_the_tcp_is_off_there(run: Run, tmp_path: Path) -> None:
+    """A UR5 whose forearm is 0.15 m short."""
+    nominal = gtpin.read_model("ur5")
+    geometry, name = nominal.geometry, "placement[wrist_1_joint].x"
+    short = gtpin.Model(geometry.with_values(geometry.values + 0.15 * (np.array(geometry.names) == name)))
+    gtpin.write_model(short, tmp_path / "short")
+    q = np.array([[0.3, -1.2, 2.0, 0.2, 1.5, 0.1], [0.3, -1.2, 0.0, 0.2, 1.5, 0.1]])
+    Commands(np.array(["bent", "far"], dtype=object), q).write(tmp_path / "commands.csv")
+    ran = run("export", tmp_path / "short", "-o", tmp_path / "new.csv", "--commands", tmp_path / "commands.csv")
+    assert ran.code == 0, ran.err
+    found = re.search(r"leaves 1 of 2 commands as they were, .*: far \(row 3\) off by (\S+) mm and (\S+) mrad", ran.err)
+    assert found is not None, ran.err
+    assert float(found[1]) == pytest.approx(150.0, rel=0.01)  # the forearm is straight: the whole arm beyond it moves
+    assert float(found[2]) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_corrected_commands_outside_of_the_range_are_named(run: Run, tmp_path: Path) -> None:
+    """A drive that goes too short by 0.3 per mille must be told more, 0.2 mm beyond its range at the end of it."""
+    model = gtpin.read_model("gantry_tau")
+    short = active(model, model.robot.home_q[None], "encoder_scale", "cart2", first=-3e-4)
+    gtpin.write_model(replace(model, effects=(short,)), tmp_path / "short")
+    q = np.zeros((3, 3))
+    q[1:, 1] = model.robot.upper[1] - np.array([1e-3, 0.0])
+    Commands(np.array(["home", "near", "end"], dtype=object), q).write(tmp_path / "commands.csv")
+    ran = run(
+        "export", tmp_path / "short", "-o", tmp_path / "new.csv", "--commands", tmp_path / "commands.csv", "--json"
+    )
+    said = [text for text in json.loads(ran.out)["warnings"] if "range" in text]
+    assert said == ["new.csv has commands outside of the robot's range: q2 of end (row 4)"]
 
 
 def test_where_no_table_can_correct_anything_the_error_says_what_can(run: Run, tmp_path: Path) -> None:

@@ -86,6 +86,7 @@ def test_near_a_singular_posture_the_commands_stay_near_and_the_offset_takes_the
     q = np.array([[0.2, -1.1, 1.3, 0.4, 1e-9, 0.3]])  # two axes of the wrist in line
     found = commands_for_simulator(model, q)
     assert np.abs(found.q - q).max() < 0.1
+    assert np.abs(found.residual[:, :3]).max() < 1e-10  # the position first
     T, R = followed(gtpin.read_model("ur5").predict(found.q), found.offset)
     np.testing.assert_allclose(T, model.predict(q).T, rtol=0, atol=1e-12)
     np.testing.assert_allclose(R, model.predict(q).R, rtol=0, atol=1e-12)

@@ -29,7 +29,14 @@ from gtpin.calibration.checks.moved import (
 from gtpin.calibration.checks.prior_conflict import without_prior_conflict
 from gtpin.calibration.checks.readings import misread, rotation_readings
 from gtpin.calibration.checks.recognise import either
-from gtpin.calibration.checks.suspected import far_from_declared, refuse, suspect, warn_of_far_parameters
+from gtpin.calibration.checks.suspected import (
+    UNEXPLAINED,
+    far_from_declared,
+    gross_errors,
+    refuse,
+    suspect,
+    warn_of_far_parameters,
+)
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.observability import UNSEEN
@@ -39,7 +46,6 @@ from gtpin.data import Dataset
 from gtpin.data.duplicates import command_steps
 from gtpin.data.files import warn_of
 from gtpin.data.names import ORIENTATION
-from gtpin.data.plausible import named_poses
 from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings
@@ -86,9 +92,7 @@ def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
             check_sessions_linear(kept, fit.whole, fit.near, limits.SESSION_FAR)
         if not settled.used.all():
             _check_set_aside(kept, measured, settled)
-            counted = f"{np.count_nonzero(~settled.used):,} of {len(kept):,} rows, of "
-            several = len(set(kept.pose)) < len(kept)
-            warn(f"set aside as gross errors: {counted if several else ''}{named_poses(kept, ~settled.used)}")
+            warn(gross_errors(kept, ~settled.used))
         coarse, found = _check_fit(kept, settled, seen), settled
         if doubt:
             found = without_prior_conflict(*with_credible_noise(fit, settled))
@@ -182,7 +186,7 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
     size, coarse = weights.robust_scale(settled.fit.residual), None
     if size > limits.MISFIT or settled.sigma_scale > 1.0:
         coarse = _coarse_commands(model, measured, point.poses)
-        why = f"{coarse}; give them with more digits" if coarse else "the geometry does not explain these data"
+        why = f"{coarse}; give them with more digits" if coarse else UNEXPLAINED
         if coarse or size > limits.MISFIT:
             times = max(size, settled.sigma_scale)
             warn(f"residuals are {times:{'.0f' if times > limits.MISFIT else '.1f'}} times the noise: {why}")
@@ -235,7 +239,7 @@ def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit, *, doubt: b
     check_fitted(given, fitted, settled.fit.point.poses, reach, before)
     if settled.scale > limits.MISFIT:
         scale = f"residuals are {settled.scale:.0f} times the noise"
-        warn(f"{scale}: the geometry does not explain these data, or the declared sigma is too small")
+        warn(f"{scale}: {UNEXPLAINED}, or the declared sigma is too small")
     found = settled
     if doubt:
         found = without_prior_conflict(credible, settled)
@@ -270,7 +274,7 @@ def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
                     what = f"{lost} of {count} readings of {table.name} with {column} {name} do not fit the others"
                     warn_of(rows.files[i], f"{what}: check what dataset.toml declares of it, and these rows")
     if not used.all():
-        warn(f"set aside as gross errors: {named_poses(kept, ~used)}")
+        warn(gross_errors(kept, ~used))
 
 
 def _warn_of_deviations(settled: FitState) -> None:

@@ -180,9 +180,9 @@ class CommandSearch:
 
     def _grid(self, reading: CommandReading) -> Iterator[Floats]:
         revolute = self.kinematics.robot.revolute
-        grids = [
-            limits.ZEROS if revolute[j] and not self.kinematics.loops.count else np.zeros(1) for j in reading.zeros
-        ]
+        # With loops, from another home only: their poses take longer.
+        several = not self.kinematics.loops.count or (reading.matrix == np.eye(len(revolute))).all()
+        grids = [limits.ZEROS if several and revolute[j] else np.zeros(1) for j in reading.zeros]
         for values in product(*grids):
             z = np.zeros(len(revolute))
             z[list(reading.zeros)] = values

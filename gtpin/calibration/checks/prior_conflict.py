@@ -18,7 +18,7 @@ from scipy.linalg import solve_triangular
 
 from gtpin.calibration.checks import limits
 from gtpin.calibration.checks.before_fit import about_track, moved_too_far
-from gtpin.calibration.checks.suspected import warn_of_far_parameters, zeros_beyond, zeros_off
+from gtpin.calibration.checks.suspected import UNEXPLAINED, warn_of_far_parameters, zeros_beyond, zeros_off
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.problem import FRAME_UNIT, Point, Problem, rough_frame, with_unknowns
 from gtpin.calibration.robust_fit import RobustFit
@@ -89,7 +89,7 @@ def without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
         within = replace(fit, widen=False)
         if (plain := _near_nominal(within, settled)) is not None:
             kept = f"with wider tolerances it would move {far}, so the tolerances are kept"
-            warn(f"the geometry does not explain these data: {kept}")
+            warn(f"{UNEXPLAINED}: {kept}")
             return without_prior_conflict(within, plain)
     if text and (doubt := _elsewhere_on_platform(fit, admitted)):
         warn(doubt)

@@ -14,6 +14,7 @@ import numpy as np
 from gtpin.calibration.checks import limits
 from gtpin.calibration.fit_state import FitState
 from gtpin.data import Dataset
+from gtpin.data.plausible import named_poses
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.model.departures import ParameterOrZero, with_zeros
 from gtpin.typing import Floats, Mask
@@ -22,6 +23,10 @@ Size = tuple[float, float]
 """Robust standard deviation of what a fit leaves: of positions, m, and of rotations, rad; 0 where there are none."""
 UNCERTAIN = "(not certain"
 """Beginning of what follows a suspicion in a warning."""
+GROSS = "set aside as gross errors: "
+"""Beginning of a warning of rows that are not used: causes that a diagnosis finds can explain some of them."""
+UNEXPLAINED = "the geometry does not explain these data"
+"""What a warning of a calibration says that is no longer true where causes explain the data."""
 NO_FIT: Size = (np.inf, np.inf)
 """Size of the residuals of a fit that fails."""
 
@@ -79,6 +84,25 @@ def refuse(error: DatasetError, dataset: Dataset) -> None:
     if not dataset.trusted:
         raise error
     warn(str(error))
+
+
+def gross_errors(dataset: Dataset, aside: Mask) -> str:
+    """The warning of the rows (N,) that are set aside as gross errors; empty where there is none."""
+    if not aside.any():
+        return ""
+    counted = f"{np.count_nonzero(aside):,} of {len(dataset):,} rows, of "
+    several = not dataset.readings.names and len(set(dataset.pose)) < len(dataset)
+    return f"{GROSS}{counted if several else ''}{named_poses(dataset, aside)}"
+
+
+def true_of_causes(texts: Sequence[str], gross: str, *, explained: bool) -> list[str]:
+    """The warnings of a calibration and of a diagnosis of the same data that are true of the fit with the causes.
+
+    ``gross``: the warning of the rows that this fit sets aside; empty where there is none. ``explained``: whether it
+    explains the data.
+    """
+    kept = [text for text in texts if not (text.startswith(GROSS) or (explained and UNEXPLAINED in text))]
+    return [*kept, *([gross] if gross else [])]
 
 
 def far_from_declared(values: Floats, names: Sequence[str], unit: str) -> str:

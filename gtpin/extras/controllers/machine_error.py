@@ -39,34 +39,40 @@ the setting would follow the tolerances more than the measurements."""
 @dataclass(frozen=True, eq=False)
 class OpenDirections:
     """What the data leave open of a machine: ``moved`` (N, 3, k) motions of the TCP, m, for k independent standard normal
-    unknowns; ``unexplained``: one sigma, m, per axis, of errors that differ from pose to pose; ``parts``: those of the motions,
-    with where the machine stands, which ``moved`` has not if the instrument was free; None: not distinguished.
-    ``noise_known``: False: noise of the instrument is among the unexplained errors."""
+    unknowns; ``unexplained``: one sigma, m, per axis, of errors that differ from pose to pose, and the ends of its 95 %
+    interval; ``parts``: those of the motions, with where the machine stands, which ``moved`` has not if the instrument was
+    free; None: not distinguished. ``noise_known``: False: noise of the instrument is among the unexplained errors."""
 
     moved: Floats
-    unexplained: float
+    unexplained: tuple[float, float, float] = (0.0, 0.0, 0.0)
     parts: Undetermined | None = None
     noise_known: bool = True
 
     def rms(self, residual: Floats, axes: slice = slice(0, 3)) -> tuple[float, float, float]:
         """Root mean square error of the machine, m, expected and the ends of a 95 % interval over the machines that the data
-        allow; ``residual`` (N, 3): the error, m, of the machine that the model is. The lower end is without unexplained errors
-        where all of them can be noise."""
+        allow; ``residual`` (N, 3): the error, m, of the machine that the model is.
+
+        The half widths of the intervals of the two mean squares, of the motions and of the unexplained errors, are independent:
+        their squares add up. Where the unexplained errors may be 0, the lower end is without them.
+        """
         e, R = residual[:, axes], self.moved[:, axes]
         flat, n = R.reshape(-1, R.shape[2]), len(residual)
         square, cross = flat.T @ flat / n, flat.T @ e.ravel() / n
-        fixed, fresh = float((e**2).sum() / n), e.shape[1] * self.unexplained**2
+        fixed, (fresh, *ends) = float((e**2).sum() / n), (e.shape[1] * one**2 for one in self.unexplained)
         z = np.random.default_rng(0).standard_normal((DRAWS, len(square)))
         power = fixed + 2.0 * z @ cross + np.einsum("di,ij,dj->d", z, square, z, optimize=True)
-        least = np.array([fresh if self.noise_known else 0.0, fresh])
-        low, high = np.sqrt(np.maximum(np.quantile(power, INTERVAL) + least, 0.0))
-        return float(np.sqrt(fixed + fresh + np.trace(square))), float(low), float(high)
+        mean = fixed + float(np.trace(square))
+        low, high = np.quantile(power, INTERVAL) - mean
+        middle, half = mean + sum(ends) / 2.0, (ends[1] - ends[0]) / 2.0
+        least = middle - np.hypot(low, half) if ends[0] else mean + low
+        most = middle + np.hypot(high, half)
+        return float(np.sqrt(mean + fresh)), float(np.sqrt(max(least, 0.0))), float(np.sqrt(most))
 
     @property
     def words(self) -> str:
         """The parts as text, um."""
         if self.parts is None:
-            return f"{um(replace(self, unexplained=0.0).rms(np.zeros_like(self.moved[..., 0]))[0])} um"
+            return f"{um(replace(self, unexplained=(0.0, 0.0, 0.0)).rms(np.zeros_like(self.moved[..., 0]))[0])} um"
         base, tool = self.parts.base, self.parts.tool
         named = [f"where the machine stands, {um(base)} um (not in this error)"] if base > LEAST else []
         named += [f"where the tool sits, {um(tool)} um"] if tool > LEAST else []
@@ -219,9 +225,11 @@ def machine_words(
     up += "" if before is None else f" of {um(doubt.rms(before, slice(2, 3))[0])}"
     up += " um; a shift or turn of the part on the bed is no error" if standing else " um"
     lost = rms(after)
-    if doubt.unexplained > LEAST:
+    if doubt.unexplained[0] > LEAST:
         noise = "" if doubt.noise_known else " (noise of the instrument is in it, because it is not known)"
-        left = f"Not explained by the model, of the data of its fit: {um(np.sqrt(3.0) * doubt.unexplained)} um{noise}. "
+        left = (
+            f"Not explained by the model, of the data of its fit: {um(np.sqrt(3.0) * doubt.unexplained[0])} um{noise}. "
+        )
     else:
         left = ""
     held = "The file holds the model exactly." if lost < LEAST else f"The file can't hold {um(lost)} um of the model."

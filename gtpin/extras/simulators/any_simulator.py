@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.compensation.compensate import machine_of
+from gtpin.compensation.compensate import SINGULAR, machine_of, position_first
 from gtpin.effects.operating_points import Column
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.kinematics import Kinematics, nominal
@@ -21,10 +21,6 @@ STEPS = 25
 """Largest number of Gauss-Newton steps."""
 CLOSE = 1e-12
 """Largest step of the commands, m or rad, that ends the iteration."""
-SINGULAR = 1e-2
-"""Singular values of the Jacobian, relative to the largest, that are treated as zero. Near a singular posture, an error of
-micrometres would otherwise change the commands a lot. The offset of the TCP has the error that remains. For an arm of 1 m, 0.01
-limits the change of commands to 0.1 rad per mm of error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +58,10 @@ def commands_for_simulator(
 ) -> SimulatorCommands:
     """Commands, and offsets of the TCP, that give a nominal simulator the poses of a diagnosed machine at its commands q.
 
-    With six actuators or more, the commands bring the simulator's TCP to the machine's pose; with three to five, to its
-    position; with fewer, to the reachable position closest to it. ``offset`` is the difference that remains. Commands and
-    offset together are exact: geometry and effects are solved with the complete kinematics, nothing is linearised.
+    With six actuators or more, the commands bring the simulator's TCP to the machine's pose, near a singular posture to its
+    position and as near to its orientation as they can; with three to five, to its position; with fewer, to the reachable
+    position closest to it. ``offset`` is the difference that remains. Commands and offset together are exact: geometry and
+    effects are solved with the complete kinematics, nothing is linearised.
 
     Parameters
     ----------
@@ -115,11 +112,14 @@ def commands_for_simulator(
 
 def _nearest(shown: Kinematics, q: Floats, wanted: Poses) -> tuple[Floats, Poses]:
     """The simulator's commands (N, n) for wanted poses, by Gauss-Newton from the machine's ``q``, and its poses at them."""
-    rows, poses = 6 if q.shape[1] >= 6 else 3, shown.forward(q)
+    poses = shown.forward(q)
     for _ in range(STEPS):
         _all_there(poses, "the simulated robot")
-        inverse = np.linalg.pinv(shown.command_jacobian(q, poses)[:, :rows], rcond=SINGULAR)
-        step = np.einsum("nij,nj->ni", inverse, wanted.minus(poses)[:, :rows])
+        jacobian, error = shown.command_jacobian(q, poses)[:, :6], wanted.minus(poses)
+        if q.shape[1] >= 6:
+            step = position_first(jacobian, error)
+        else:
+            step = np.einsum("nij,nj->ni", np.linalg.pinv(jacobian[:, :3], rcond=SINGULAR), error[:, :3])
         q, poses = q + step, shown.forward(q + step)
         if np.abs(step).max(initial=0.0) <= CLOSE:
             break
