@@ -390,5 +390,10 @@ def _fitted(prepared: Prepared, settled: SearchState, found: Conclusion) -> tupl
     # Not `cause` as the variable: in Python 3.12.1 the function `cause` would then be unbound below.
     scale = [found.scale[hypothesis] for hypothesis in named]
     ordered = [strongest_first(settled.hypotheses, found.model, c) for c in named]
-    model = fit_together(settled.everything, prepared.baseline.model, ordered, scale, settled.references)
+    model = prepared.baseline.model
+    try:
+        model = fit_together(settled.everything, model, ordered, scale, settled.references)
+    except ConvergenceError:
+        if named:  # without causes, the calibration has fitted the same, with its own noise
+            raise
     return model, [cause(model, own, found, c, settled.hypotheses) for c, own in zip(named, ordered, strict=True)]

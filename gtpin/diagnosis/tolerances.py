@@ -9,6 +9,7 @@ noise of the first.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -28,7 +29,7 @@ from gtpin.diagnosis.result import HoldOut
 from gtpin.diagnosis.search import rough_guess
 from gtpin.effects.driver import InstrumentAxes, driver_effects
 from gtpin.effects.effect import Effect
-from gtpin.errors import GtpinError, deferred
+from gtpin.errors import ConvergenceError, GtpinError, deferred
 from gtpin.robot.chain import Chain
 
 
@@ -54,7 +55,9 @@ def begun(
             # Of a sigma that visits contradict, the calibration has warned, and the verdict has the visits' own.
             own = {key: sizes for key, sizes in small.items() if getattr(prepared.baseline.noise, key) == sizes[0]}
             warn_of_noise(own)
-            prepared = prepared.undeclared(small, nominal, report, scope.priors, widen=widen)
+            # Where the geometry does not converge with the larger noise, the declared one is kept.
+            with suppress(ConvergenceError):
+                prepared = prepared.undeclared(small, nominal, report, scope.priors, widen=widen)
         check_hold_out(prepared.dataset, hold_out)  # again: the preparation may have left out the column
         effects = scope.effects
         if dataset.drivers:
