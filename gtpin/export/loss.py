@@ -15,7 +15,7 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import Column, OperatingPoints
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model, root_of
-from gtpin.model.place import free_motions, movers
+from gtpin.model.place import free_motions, movers, without_free
 from gtpin.paper.geometry import PaperGeometry
 from gtpin.robot.parameters import DIRECTIONS
 from gtpin.typing import Floats
@@ -36,23 +36,24 @@ def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of parts of a model, each with the root mean square displacement of the TCP that this part causes, um.
 
     The mean is over commands that fill the ranges of the fit (without a fit: of the robot), over the time and the sessions of
-    the fit, and over both directions of approach, with loads on the tool as in the fit; to first order. Effects of a
-    temperature are stated for 1 K, those of a speed for 0.1 m/s or rad/s. Parts with unknown conditions have no number.
+    the fit, and over both directions of approach, with loads on the tool as in the fit; to first order. It is without motions
+    of the machine and of the tool that the instrument does not show. Effects of a temperature are stated for 1 K, those of a
+    speed for 0.1 m/s or rad/s. Parts with unknown conditions have no number.
     """
     if not names:
         return names
-    model = model.of_tool()
+    whole, model = model, model.of_tool()
+    q, poses = postures(model)
     active = {effect.name: effect for effect in model.effects}
     found = []
     for name in names:
         moved, words = None, ""
         if name == "drive scales":
-            q, poses = postures(model)
             off = (np.array([*geometric_scales(model).values()]) - 1.0) * q
             moved = np.einsum("nij,nj->ni", model.kinematics.command_jacobian(q, poses)[:, :6], off)
         elif name in active and (stated := _conditions(model, active[name])) is not None:
             moved, words = by_effect(active[name], conditions(model, active[name])), stated
-        found.append(name if moved is None else f"{name} ({1e6 * rms(moved):.3g} um{words})")
+        found.append(name if moved is None else f"{name} ({um(rms(without_free(whole, moved, poses)))} um{words})")
     return tuple(found)
 
 
@@ -171,7 +172,7 @@ def _conditions(model: Model, active: ActiveEffect) -> str | None:
     words = ""
     for name in active.effect.covariates(model.robot, active.site):
         if name.startswith("temp_"):
-            words = f" at {WARMER:g} K more"
+            words = f" for each K off the file's {active.references.temperature:g} degC"
         elif name.startswith("speed"):
             words = f" at {SPEED:g} m/s or rad/s"
         elif name not in ("session", "time", "payload", *FORCES) and not is_approach(name):

@@ -76,7 +76,7 @@ def test_commands_with_what_the_table_adds_bring_the_tcp_where_it_was_meant(warm
 
 @pytest.mark.slow
 def test_without_temperatures_thermal_effects_are_named_as_left_out(warm: gtpin.Model, tmp_path: Path) -> None:
-    lost = r"does not hold thermal_links@arm \(\S+ um at 1 K more\), thermal_track@cart2 \(\S+ um at 1 K more\)"
+    lost = r"does not hold thermal_links@arm \(\S+ um for each K .*\), thermal_track@cart2 \(\S+ um for each K off .*\)"
     assert re.search(lost, told(warm, tmp_path / "table.csv", "grid")[0])
     table = pd.read_csv(tmp_path / "table.csv")
     assert list(table.columns) == ["q1", "q2", "q3", "dq1", "dq2", "dq3"]

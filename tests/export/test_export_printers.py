@@ -199,7 +199,7 @@ def test_a_controller_with_the_calibrated_geometry_is_left_with_the_effects(prin
 @pytest.mark.slow
 def test_what_is_left_of_each_part_is_named(printer: gtpin.Model, folder: Path) -> None:
     words = "\n".join(told(printer, folder / "gtpin.cfg", box=BOX, firmware=folder / "printer.cfg"))
-    assert re.search(r"gtpin.cfg does not hold thermal_links@arm \(\S+ um at 1 K more\)", words)
+    assert re.search(r"gtpin.cfg does not hold thermal_links@arm \(\S+ um for each K off the file's 20 degC\)", words)
     parts = re.search(r"leaves of each part alone: (.*)", words)
     assert parts
     found = {
