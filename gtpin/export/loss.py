@@ -85,12 +85,21 @@ def um(metres: float) -> str:
 
 
 def ranges(model: Model) -> tuple[Floats, Floats]:
-    """(n,) smallest and largest commands of the fit; without a fit, the robot's limits, or -pi and pi where it has none."""
+    """(n,) smallest and largest commands of the fit; where they are not known, the robot's limits, or -pi and pi where it has
+    none."""
+    if ranges_known(model):
+        assert model.fit is not None
+        return np.array(model.fit.lower), np.array(model.fit.upper)
     lower, upper = model.robot.ends
     for active in model.effects:
         if len(active.references.commands[0]) == len(lower):
             lower, upper = active.references.commands
     return lower, upper
+
+
+def ranges_known(model: Model) -> bool:
+    """Whether a model has the ranges of the commands of its fit."""
+    return model.fit is not None and len(model.fit.lower) == model.robot.n_actuators == len(model.fit.upper)
 
 
 def postures(model: Model) -> tuple[Floats, Poses]:

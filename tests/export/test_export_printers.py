@@ -128,6 +128,24 @@ def test_a_delta_is_as_near_as_the_command_says(
 
 
 @pytest.mark.slow
+def test_lengths_of_parts_are_told_for_each_axis(printer: gtpin.Model, folder: Path) -> None:
+    """A drive of three with a wrong scale stretches x and presses y."""
+    text = " ".join(told(replace(printer, effects=printer.effects[1:2]), folder / "gtpin.cfg", box=BOX))
+    said = re.findall(r"(\S+) % in [xy] \(before (\S+) %\)", text)
+    wanted, present = fresh(), klipper(folder)
+    (folder / "bare").mkdir()
+    (folder / "bare" / "printer.cfg").write_text(PRINTER_CFG, encoding="utf-8")
+    for way, firmware in enumerate((present, klipper(folder / "bare"))):
+        there = replace(printer, effects=printer.effects[1:2]).predict(
+            commands(firmware, klipper(folder / "bare"), wanted), {"temp_link": np.full(len(wanted), 20.0)}
+        )
+        off = there.T - wanted - BOX.origin
+        true = [100.0 * np.polyfit(wanted[:, k], off[:, k], 1)[0] for k in (0, 1)]
+        assert [float(one[way]) for one in said] == pytest.approx(true, abs=0.03)
+    assert abs(true[0] - true[1]) > 0.02
+
+
+@pytest.mark.slow
 def test_dimensions_hold_what_is_one(drawn_of: Callable[[str], Drawn], folder: Path) -> None:
     """A scale of a drive is a rotation_distance: it is taken away whole, and only where it belongs."""
     drawn = drawn_of("linear_delta")

@@ -13,7 +13,7 @@ from gtpin.data.instrument_tables import PlaneTable
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import ModelError
 from gtpin.export.box import Box
-from gtpin.export.loss import both_approaches, postures, rms, um
+from gtpin.export.loss import both_approaches, postures, ranges_known, rms, um
 from gtpin.extras.certificate.held_against import ModelPosterior, at_commands, by_commands, by_unknowns, prior_sizes
 from gtpin.extras.controllers.towers import DIMENSIONS, Drives, TowerFit
 from gtpin.extras.importers.towers import Towers
@@ -120,7 +120,9 @@ def left_of_drives(model: Model, carried: Collection[str], session: str | None) 
         return ()
     after = replace(machine, model=machine.model.without(carried)).goes_to(q, both_approaches(len(q))) - poses.T
     after = without_place(after, poses.T, motions_of_no_error(model))
-    where = "the range of the fit, with the calibrated kinematics in the controller"
+    over = "the ranges of the fit" if ranges_known(machine.model) else "the whole ranges of the drives"
+    warm = [one.references.temperature for one in machine.model.effects if machine.temperature_columns]
+    where = f"{over}{f' at {warm[0]:g} degC' if warm else ''}, with the calibrated kinematics in the controller"
     return (f"leaves {machine_words(doubt, after, None, where, standing=touches_one_plane(model))}",)
 
 
@@ -174,15 +176,32 @@ class Left:
     """Whether a shift and a turn on the bed is no error."""
 
     def size(self, xyz: Floats) -> str:
-        """Text with the relative error of lengths in x and y, per cent, at points xyz (N, 3), m."""
+        """Text with the relative errors of lengths in x and in y, per cent, at points xyz (N, 3), m."""
         xy = xyz[:, :2] - xyz[:, :2].mean(axis=0)
 
         def scale(errors: Floats) -> Floats:
-            return np.asarray(100.0 * np.einsum("ni,ni...->...", xy, errors[:, :2]) / (xy**2).sum())
+            return np.asarray(
+                100.0
+                * np.einsum("nk,nk...->k...", xy, errors[:, :2])
+                / (xy**2).sum(axis=0).reshape(2, *[1] * (errors.ndim - 2))
+            )
 
-        open_ = "" if self.doubt is None else f"1 sigma {np.linalg.norm(scale(self.doubt.moved)):.2g} %; "
         after, before = scale(self.after), scale(self.before)
-        return f"leaves lengths of parts in x and y off by {after:+.2f} % ({open_}before {before:+.2f} %)"
+        open_ = (
+            ["", ""]
+            if self.doubt is None
+            else [f" +- {one:.2g}" for one in np.linalg.norm(scale(self.doubt.moved), axis=1)]
+        )
+        found = [
+            f"{new:+.2f}{sigma} % in {axis} (before {old:+.2f} %)"
+            for new, sigma, old, axis in zip(after, open_, before, "xy", strict=True)
+        ]
+        return f"leaves lengths of parts off by {' and '.join(found)}{'' if self.doubt is None else ', +- 1 sigma'}"
+
+    @property
+    def expected(self) -> float:
+        """Root mean square error with tables, m: of the machine where its uncertainty is known, else of the model."""
+        return rms(self.after) if self.doubt is None else self.doubt.rms(self.after)[0]
 
     @property
     def is_nothing(self) -> bool:
