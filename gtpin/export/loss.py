@@ -28,6 +28,8 @@ SPEED = 0.1
 """Speed, m/s or rad/s, for which the loss of an effect of speed is stated."""
 FORCES = ("fx", "fy", "fz")
 """Columns of the force on the tool, N."""
+LEVER = 0.1
+"""Distance from the TCP, m, at which an error of the orientation counts. Assumed: about the length of a tool."""
 LEAST = 1e-7
 """Smallest error, m, of an effect in a file that is reported."""
 
@@ -205,14 +207,27 @@ def assumed_tool(model: Model) -> tuple[str, ...]:
     )
 
 
-def not_determined(model: Model) -> Undetermined | None:
-    """What the data of a fit do not determine of the geometry, at commands that fill its ranges; None where not known."""
-    tool, size = model.of_tool(), len(model.geometry.parameters)
+def not_determined(model: Model, *, of_target: bool = False) -> Undetermined | None:
+    """What the data of a fit do not determine of the geometry, at commands that fill its ranges; None where not known.
+
+    ``of_target``: of poses of a free target, in place of those of the tool.
+    """
+    tool, size = model if of_target else model.of_tool(), len(model.geometry.parameters)
     covariance = tool.covariance if tool.joint_covariance is None else tool.joint_covariance[:size, :size]
     if covariance is None:
         return None
     q, poses = postures(tool)
-    return Undetermined.of(model, tool.kinematics.geometry_jacobian(q, poses)[:, :3] @ root_of(covariance), poses)
+    return Undetermined.of(model, tool.kinematics.geometry_jacobian(q, poses)[:, :6] @ root_of(covariance), poses)
+
+
+def not_oriented(model: Model, *, of_target: bool = False) -> tuple[str, ...]:
+    """That the data do not determine orientations, as a text, where these displace a point at `LEVER` by more than the rest of
+    the geometry displaces the TCP; else none. Of a tool that a free target does not show, see :func:`assumed_tool`."""
+    parts = None if model.free_target and not of_target else not_determined(model, of_target=of_target)
+    if parts is None or LEVER * parts.orientation <= parts.rest:
+        return ()
+    off = f"{1e3 * parts.orientation:.3g} mrad, {1e3 * LEVER * parts.orientation:.2g} mm at {LEVER:g} m from the TCP"
+    return (f"has orientations that the data do not determine: an expected error of {off}",)
 
 
 def assumed_base(model: Model) -> tuple[str, ...]:
@@ -245,8 +260,9 @@ def not_explained(model: Model) -> tuple[str, ...]:
 
 
 def notes_of_robots(model: Model) -> tuple[str, ...]:
-    """What is assumed of where the machine stands, and what the model does not explain, as texts."""
-    return (*assumed_base(model), *not_explained(model))
+    """What is assumed of where the machine stands, what the model does not explain, and whether the data do not determine
+    orientations, as texts."""
+    return (*assumed_base(model), *not_explained(model), *not_oriented(model))
 
 
 def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:

@@ -190,6 +190,6 @@ def test_tables_of_all_errors_say_what_they_leave(
     # The target's offset is the instrument's; the drive's scale is all that is left to correct.
     assert re.search(r"not corrected: target_offset@platform: it moves the target", told["warnings"][0])
     assert re.search(rf"{file} leaves \S+.* of \S+ um of the TCP's error in the (box|whole range)", told["warnings"][1])
-    about_parts = [text for text in told["warnings"][2:] if "leaves lengths of parts off by" in text]
+    about_parts = [text for text in told["warnings"][2:] if "leaves lengths of parts in x off by" in text]
     assert len(about_parts) == ("--box" in more)
     assert len(told["warnings"]) == 2 + len(about_parts)  # one part is the whole: nothing is said of each part alone

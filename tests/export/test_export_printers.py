@@ -131,7 +131,7 @@ def test_a_delta_is_as_near_as_the_command_says(
 def test_lengths_of_parts_are_told_for_each_axis(printer: gtpin.Model, folder: Path) -> None:
     """A drive of three with a wrong scale stretches x and presses y."""
     text = " ".join(told(replace(printer, effects=printer.effects[1:2]), folder / "gtpin.cfg", box=BOX))
-    said = re.findall(r"(\S+) % in [xy] \(before (\S+) %\)", text)
+    said = re.findall(r"in [xy] off by (\S+) % \(before (\S+) %\)", text)
     wanted, present = fresh(), klipper(folder)
     (folder / "bare").mkdir()
     (folder / "bare" / "printer.cfg").write_text(PRINTER_CFG, encoding="utf-8")

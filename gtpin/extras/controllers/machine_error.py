@@ -94,9 +94,9 @@ def open_directions(machine: CompensatedMachine, whole: Model, q: Floats) -> Ope
     if machine.model.covariance is None:
         return None
     at = _at(machine, q)
-    moved = (by_unknowns(machine.model, at) @ ModelPosterior(machine.model).root)[:, :3]
+    moved = by_unknowns(machine.model, at) @ ModelPosterior(machine.model).root
     parts = None if touches_one_plane(whole) else Undetermined.of(whole, moved, at.poses)
-    moved = without_place(moved, at.poses.T, motions_of_no_error(whole))
+    moved = without_place(moved[:, :3], at.poses.T, motions_of_no_error(whole))
     known = whole.unexplained is None or whole.unexplained.noise_known
     return OpenDirections(moved, unexplained_error(whole, by_commands(machine.model, at)), parts, known)
 
@@ -186,17 +186,14 @@ class Left:
                 / (xy**2).sum(axis=0).reshape(2, *[1] * (errors.ndim - 2))
             )
 
-        after, before = scale(self.after), scale(self.before)
-        open_ = (
-            ["", ""]
-            if self.doubt is None
-            else [f" +- {one:.2g}" for one in np.linalg.norm(scale(self.doubt.moved), axis=1)]
-        )
+        open_ = [""] * 2
+        if self.doubt is not None:
+            open_ = [f"1 sigma {sigma:.2g} %; " for sigma in np.linalg.norm(scale(self.doubt.moved), axis=1)]
         found = [
-            f"{new:+.2f}{sigma} % in {axis} (before {old:+.2f} %)"
-            for new, sigma, old, axis in zip(after, open_, before, "xy", strict=True)
+            f"in {axis} off by {after:+.2f} % ({sigma}before {before:+.2f} %)"
+            for axis, after, sigma, before in zip("xy", scale(self.after), open_, scale(self.before), strict=True)
         ]
-        return f"leaves lengths of parts off by {' and '.join(found)}{'' if self.doubt is None else ', +- 1 sigma'}"
+        return f"leaves lengths of parts {' and '.join(found)}"
 
     @property
     def expected(self) -> float:
