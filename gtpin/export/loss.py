@@ -227,7 +227,7 @@ def not_oriented(model: Model, *, of_target: bool = False) -> tuple[str, ...]:
     if parts is None or LEVER * parts.orientation <= parts.rest:
         return ()
     off = f"{1e3 * parts.orientation:.3g} mrad, {1e3 * LEVER * parts.orientation:.2g} mm at {LEVER:g} m from the TCP"
-    return (f"has orientations that the data do not determine: an expected error of {off}",)
+    return (f"has orientations that the data do not determine: expected to be off by {off}",)
 
 
 def assumed_base(model: Model) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from gtpin.data.instrument_tables import PlaneTable
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import ModelError
 from gtpin.export.box import Box
-from gtpin.export.loss import both_approaches, postures, ranges_known, rms, um
+from gtpin.export.loss import both_approaches, not_oriented, postures, ranges_known, rms, um
 from gtpin.extras.certificate.held_against import ModelPosterior, at_commands, by_commands, by_unknowns, prior_sizes
 from gtpin.extras.controllers.towers import DIMENSIONS, Drives, TowerFit
 from gtpin.extras.importers.towers import Towers
@@ -103,12 +103,12 @@ def open_directions(machine: CompensatedMachine, whole: Model, q: Floats) -> Ope
 
 def left_of_commands(model: Model, q: Floats, where: str) -> tuple[str, ...]:
     """What corrected commands (N, n) leave of the machine's error, as texts; none where it is not known. ``where``: at what
-    poses."""
+    poses. And whether the data do not determine orientations."""
     doubt = open_directions(machine_at(model)[0], model, q)
     if doubt is None:
         return ()
     words = machine_words(doubt, np.zeros((len(q), 3)), None, where, standing=touches_one_plane(model))
-    return (f"leaves {words}",)
+    return (f"leaves {words}", *not_oriented(model))
 
 
 def left_of_drives(model: Model, carried: Collection[str], session: str | None) -> tuple[str, ...]:
@@ -241,9 +241,10 @@ def machine_words(
     else:
         left = ""
     held = "The file holds the model exactly." if lost < LEAST else f"The file can't hold {um(lost)} um of the model."
+    alike = "It is taken as equal along x, y and z, and can be larger where conditions differ from those of the fit. "
     return (
         f"an expected error of the machine's TCP of {found}{of} um in {where} (95 %: {low} to {high} um; {up}). {held} "
-        f"{left}Not determined by the data: {doubt.words}"
+        f"{left}{alike if left and doubt.noise_known else ''}Not determined by the data: {doubt.words}"
     )
 
 

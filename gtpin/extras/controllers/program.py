@@ -10,7 +10,7 @@ import numpy as np
 from gtpin.compensation.compensate import TOLERANCE, attempted, machine_of
 from gtpin.data import Commands
 from gtpin.errors import GtpinError, UnreachableError, unheard, warn
-from gtpin.export.loss import assumed_tool, not_oriented, um
+from gtpin.export.loss import assumed_tool, um
 from gtpin.extras.controllers.machine_error import left_of_commands
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
@@ -49,7 +49,7 @@ def corrected_commands(model: Model, commands: Path, controller: Model | None, o
         named = ", ".join(f"{given.pose[i]} (row {given.row[i]})" for i in np.flatnonzero(~met))
         kept = f"{(~met).sum()} of {len(met)} commands as they were, because their poses can't be reached: {named}"
         notes = (f"leaves {kept}{_off(model, given, meant, ~met)}", *notes)
-    for note in (*in_doubt(model), *notes, *not_oriented(model), *assumed_tool(model)):
+    for note in (*in_doubt(model), *notes, *assumed_tool(model)):
         warn(f"{output.name} {note}")
     return output
 
