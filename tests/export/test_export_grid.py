@@ -75,6 +75,14 @@ def test_commands_with_what_the_table_adds_bring_the_tcp_where_it_was_meant(warm
     assert 1e6 * before == pytest.approx(float(said[2]), rel=0.15)
 
 
+def test_tables_of_actuators_name_the_temperature_that_their_error_is_for(warm: gtpin.Model, tmp_path: Path) -> None:
+    known = replace(warm, covariance=np.diag((0.01 * warm.geometry.tolerance) ** 2))
+    text = " ".join(told(known, tmp_path / "drives.csv"))
+    assert "in the whole ranges of the drives at 20 degC" in text
+    cold = " ".join(told(replace(known, effects=known.effects[:1]), tmp_path / "drives.csv"))
+    assert "in the whole ranges of the drives, with" in cold
+
+
 def test_what_remains_is_told_for_the_commands_of_the_fit(warm: gtpin.Model, tmp_path: Path) -> None:
     """In the middle of the ranges a table is nearer than at their ends."""
     robot, nominal = warm.robot, gtpin.read_model("gantry_tau")
