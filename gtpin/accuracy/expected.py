@@ -151,28 +151,31 @@ def unexplained_error(model: Model, by_commands: Floats) -> tuple[float, float, 
 
 @dataclass(frozen=True)
 class Undetermined:
-    """Root mean square motions of the TCP, m, by what data do not determine of a machine; their squares add up.
+    """Root mean square motions of the TCP by what data do not determine of a machine.
 
     ``base``: where it stands, as far as no instrument shows it (:mod:`~gtpin.model.place`). ``tool``: where the tool sits, if
-    the place of the target was unknown. ``rest``: everything else.
+    the place of the target was unknown. ``rest``: everything else. They are of positions, m, and their squares add up.
+    ``orientation``: of the orientation, rad, with everything but ``base``.
     """
 
     base: float
     tool: float
     rest: float
+    orientation: float
 
     @staticmethod
     def of(model: Model, motion: Floats, poses: Poses) -> Undetermined:
-        """The parts of motions (N, 3, k), m, by k independent standard normal unknowns at N poses of the tool.
+        """The parts of motions (N, 6, k), m and rad, by k independent standard normal unknowns at N poses of the tool.
 
         ``model``: the model of the measurements.
         """
-        free = free_motions(model)
-        placed = without_place(motion, poses.T, free)
-        rest = without_place(motion, poses.T, free, poses.R) if model.free_target else placed
-        powers = [float((one**2).sum(axis=(1, 2)).mean()) for one in (motion, placed, rest)]
+        free, shift = free_motions(model), motion[:, :3]
+        placed = without_place(shift, poses.T, free)
+        rest = without_place(shift, poses.T, free, poses.R) if model.free_target else placed
+        powers = [float((one**2).sum(axis=(1, 2)).mean()) for one in (shift, placed, rest)]
         base, tool = (float(np.sqrt(max(a - b, 0.0))) for a, b in itertools.pairwise(powers))
-        return Undetermined(base, tool, float(np.sqrt(powers[2])))
+        turned = without_place(motion, poses.T, free)[:, 3:]
+        return Undetermined(base, tool, float(np.sqrt(powers[2])), float(np.sqrt((turned**2).sum(axis=(1, 2)).mean())))
 
 
 def expected_error(

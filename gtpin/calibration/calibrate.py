@@ -334,7 +334,9 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tra
     model = replace(point.model, covariance=covariance, unexplained=unexplained, doubt=settled.doubt)
     instrument = whole.instrument
     if tracked:
-        conditions = FitConditions.of(settled.noise, settled.chi2, settled.dof, whole.covariates, unexplained)
+        conditions = FitConditions.of(
+            settled.noise, settled.chi2, settled.dof, measured.q, whole.covariates, unexplained
+        )
         model = replace(model, fit=conditions)
         used = measured.rows.tables[0].model_dump(include={"position_sigma", "orientation_sigma"})
         instrument = instrument.model_copy(update=used | ({"frame": "free"} if problem.free_frame else {}))

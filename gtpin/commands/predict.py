@@ -24,6 +24,8 @@ from gtpin.data import Commands
 from gtpin.data.checks import CheckedRows
 from gtpin.data.files import read_table, write_table
 from gtpin.data.table import Column
+from gtpin.errors import warn
+from gtpin.export.loss import not_oriented
 from gtpin.instruments.predicted import as_seen, instrument_of, predicted_readings
 from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
@@ -52,6 +54,8 @@ def predict(
         found = read_model(model, tcp=tcp, **chosen(actuators, home))
         table = _table(found, commands, instrument)
         write_table(new, table)
+    for note in not_oriented(found, of_target=True) if "qw" in table else ():
+        warn(f"{output.name} {note}")
     what = "poses" if instrument is None else f"readings of {instrument}"
     rows = [
         dict(zip(table, row, strict=True))

@@ -3,7 +3,7 @@ correct, and scales of the drives."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from gtpin.effects.operating_points import Column, OperatingPoints
 from gtpin.effects.sites import number
 from gtpin.errors import ModelError
 from gtpin.model.model import Model
+from gtpin.model.place import without_free
 from gtpin.typing import Floats
 
 CONDITIONS = ("session", "time", "payload", "fx", "fy", "fz")
@@ -133,6 +134,19 @@ def geometric_scales(model: Model) -> dict[str, float]:
         if parameter.kind == "scale" and parameter.part in scales:
             scales[parameter.part] += deviation
     return scales
+
+
+def lacks(model: Model, names: Collection[str], q: Floats, covariates: Mapping[str, Column]) -> float:
+    """Root mean square error of the TCP, m, at commands (N, n), of a file that has a model without some effects.
+
+    ``names``: these effects. ``covariates``: (N,) each, by name. It is without motions of the machine and of the
+    tool that the instrument does not show.
+    """
+    tool = model.of_tool()
+    whole, held = (one.predict(q, covariates) for one in (tool, tool.without(names)))
+    there = whole.reached & held.reached
+    off = without_free(model, whole[there].minus(held[there]), held[there])
+    return float(np.sqrt((off**2).sum(axis=1).mean())) if there.any() else 0.0
 
 
 def _moves_along(model: Model, active: ActiveEffect) -> bool:

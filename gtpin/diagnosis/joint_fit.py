@@ -65,7 +65,7 @@ def fit_together(
     if observed.measured.tracked:
         dof = max(found.residual.size - found.effective_parameters, 1.0)
         chi2 = float(found.weight @ (found.residual**2).sum(axis=1))
-        fitted = FitConditions.of(observed.noise, chi2, dof, observed.covariates, unexplained)
+        fitted = FitConditions.of(observed.noise, chi2, dof, observed.measured.q, observed.covariates, unexplained)
     return replace(
         found.point.model,
         effects=problem.active(found.point.x, covariance),

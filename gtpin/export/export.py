@@ -72,21 +72,26 @@ def export(
         what = f"{name} takes no box, temperatures, firmware or controller"
         raise GtpinError(what, file=file, hint="these belong to --format grid, .cfg and .g")
     made = writer.write(model, file, session, tables or TablesFor())
+    notes = (*in_doubt(model), *_held(model, made), *made.notes, *(() if writer.tables else assumed_tool(model)))
     with results_folder(file.parent, tuple(made.files), force=force, key=file.name, shown=file, alone=True) as folder:
         for name, text in made.files.items():
-            text = said_first(text, in_doubt(model)) if text.startswith("<") else text
-            (folder / name).write_text(text, encoding="utf-8")
-    for note in in_doubt(model):
-        warn(f"{file.name} {note}")
-    if made.left_out:
-        lost = ", ".join(with_losses(model, made.left_out))
-        more = f"; {', '.join(made.in_transmissions)}: as <transmission> only" if made.in_transmissions else ""
-        warn(f"{file.name} does not hold {lost}{more}")
-    if made.inexact:
-        warn(f"{file.name} holds {', '.join(made.inexact)}")
-    for note in (*made.notes, *(() if writer.tables else assumed_tool(model))):
+            (folder / name).write_text(said_first(text, notes) if text.startswith("<") else text, encoding="utf-8")
+    for note in notes:
         warn(f"{file.name} {note}")
     return tuple(file.parent / name for name in made.files)
+
+
+def _held(model: Model, made: Export) -> tuple[str, ...]:
+    """What files do not hold of a model, and what they hold with an error, as texts; else none."""
+    single = made.in_transmissions
+    lost = ", ".join(with_losses(model, tuple(name for name in made.left_out if name not in single)))
+    driven, exact = ", ".join(with_losses(model, single)), ", ".join(made.inexact)
+    words = (
+        lost and f"does not hold {lost}",
+        driven and f"holds {driven} as <transmission> only, which not every program reads",
+        exact and f"holds {exact}",
+    )
+    return tuple(filter(None, words))
 
 
 def writer_of(file: Path, form: str | None = None) -> tuple[str, Writer]:

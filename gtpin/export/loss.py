@@ -15,7 +15,7 @@ from gtpin.effects.active import ActiveEffect
 from gtpin.effects.operating_points import Column, OperatingPoints
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model, root_of
-from gtpin.model.place import free_motions, movers
+from gtpin.model.place import free_motions, movers, without_free
 from gtpin.paper.geometry import PaperGeometry
 from gtpin.robot.parameters import DIRECTIONS
 from gtpin.typing import Floats
@@ -28,6 +28,8 @@ SPEED = 0.1
 """Speed, m/s or rad/s, for which the loss of an effect of speed is stated."""
 FORCES = ("fx", "fy", "fz")
 """Columns of the force on the tool, N."""
+LEVER = 0.1
+"""Distance from the TCP, m, at which an error of the orientation counts. Assumed: about the length of a tool."""
 LEAST = 1e-7
 """Smallest error, m, of an effect in a file that is reported."""
 
@@ -36,23 +38,24 @@ def with_losses(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of parts of a model, each with the root mean square displacement of the TCP that this part causes, um.
 
     The mean is over commands that fill the ranges of the fit (without a fit: of the robot), over the time and the sessions of
-    the fit, and over both directions of approach, with loads on the tool as in the fit; to first order. Effects of a
-    temperature are stated for 1 K, those of a speed for 0.1 m/s or rad/s. Parts with unknown conditions have no number.
+    the fit, and over both directions of approach, with loads on the tool as in the fit; to first order. It is without motions
+    of the machine and of the tool that the instrument does not show. Effects of a temperature are stated for 1 K, those of a
+    speed for 0.1 m/s or rad/s. Parts with unknown conditions have no number.
     """
     if not names:
         return names
-    model = model.of_tool()
+    whole, model = model, model.of_tool()
+    q, poses = postures(model)
     active = {effect.name: effect for effect in model.effects}
     found = []
     for name in names:
         moved, words = None, ""
         if name == "drive scales":
-            q, poses = postures(model)
             off = (np.array([*geometric_scales(model).values()]) - 1.0) * q
             moved = np.einsum("nij,nj->ni", model.kinematics.command_jacobian(q, poses)[:, :6], off)
         elif name in active and (stated := _conditions(model, active[name])) is not None:
             moved, words = by_effect(active[name], conditions(model, active[name])), stated
-        found.append(name if moved is None else f"{name} ({1e6 * rms(moved):.3g} um{words})")
+        found.append(name if moved is None else f"{name} ({um(rms(without_free(whole, moved, poses)))} um{words})")
     return tuple(found)
 
 
@@ -84,12 +87,21 @@ def um(metres: float) -> str:
 
 
 def ranges(model: Model) -> tuple[Floats, Floats]:
-    """(n,) smallest and largest commands of the fit; without a fit, the robot's limits, or -pi and pi where it has none."""
+    """(n,) smallest and largest commands of the fit; where they are not known, the robot's limits, or -pi and pi where it has
+    none."""
+    if ranges_known(model):
+        assert model.fit is not None
+        return np.array(model.fit.lower), np.array(model.fit.upper)
     lower, upper = model.robot.ends
     for active in model.effects:
         if len(active.references.commands[0]) == len(lower):
             lower, upper = active.references.commands
     return lower, upper
+
+
+def ranges_known(model: Model) -> bool:
+    """Whether a model has the ranges of the commands of its fit."""
+    return model.fit is not None and len(model.fit.lower) == model.robot.n_actuators == len(model.fit.upper)
 
 
 def postures(model: Model) -> tuple[Floats, Poses]:
@@ -171,7 +183,7 @@ def _conditions(model: Model, active: ActiveEffect) -> str | None:
     words = ""
     for name in active.effect.covariates(model.robot, active.site):
         if name.startswith("temp_"):
-            words = f" at {WARMER:g} K more"
+            words = f" for each K off the file's {active.references.temperature:g} degC"
         elif name.startswith("speed"):
             words = f" at {SPEED:g} m/s or rad/s"
         elif name not in ("session", "time", "payload", *FORCES) and not is_approach(name):
@@ -195,14 +207,27 @@ def assumed_tool(model: Model) -> tuple[str, ...]:
     )
 
 
-def not_determined(model: Model) -> Undetermined | None:
-    """What the data of a fit do not determine of the geometry, at commands that fill its ranges; None where not known."""
-    tool, size = model.of_tool(), len(model.geometry.parameters)
+def not_determined(model: Model, *, of_target: bool = False) -> Undetermined | None:
+    """What the data of a fit do not determine of the geometry, at commands that fill its ranges; None where not known.
+
+    ``of_target``: of poses of a free target, in place of those of the tool.
+    """
+    tool, size = model if of_target else model.of_tool(), len(model.geometry.parameters)
     covariance = tool.covariance if tool.joint_covariance is None else tool.joint_covariance[:size, :size]
     if covariance is None:
         return None
     q, poses = postures(tool)
-    return Undetermined.of(model, tool.kinematics.geometry_jacobian(q, poses)[:, :3] @ root_of(covariance), poses)
+    return Undetermined.of(model, tool.kinematics.geometry_jacobian(q, poses)[:, :6] @ root_of(covariance), poses)
+
+
+def not_oriented(model: Model, *, of_target: bool = False) -> tuple[str, ...]:
+    """That the data do not determine orientations, as a text, where these displace a point at `LEVER` by more than the rest of
+    the geometry displaces the TCP; else none. Of a tool that a free target does not show, see :func:`assumed_tool`."""
+    parts = None if model.free_target and not of_target else not_determined(model, of_target=of_target)
+    if parts is None or LEVER * parts.orientation <= parts.rest:
+        return ()
+    off = f"{1e3 * parts.orientation:.3g} mrad, {1e3 * LEVER * parts.orientation:.2g} mm at {LEVER:g} m from the TCP"
+    return (f"has orientations that the data do not determine: expected to be off by {off}",)
 
 
 def assumed_base(model: Model) -> tuple[str, ...]:
@@ -235,8 +260,9 @@ def not_explained(model: Model) -> tuple[str, ...]:
 
 
 def notes_of_robots(model: Model) -> tuple[str, ...]:
-    """What is assumed of where the machine stands, and what the model does not explain, as texts."""
-    return (*assumed_base(model), *not_explained(model))
+    """What is assumed of where the machine stands, what the model does not explain, and whether the data do not determine
+    orientations, as texts."""
+    return (*assumed_base(model), *not_explained(model), *not_oriented(model))
 
 
 def left_out(model: Model, carried: Collection[str] = ()) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from gtpin.data.table import Column
 from gtpin.noise.reading_noise import ReadingNoise
+from gtpin.typing import Floats
 
 TEMPERATURES = ("temp_frame", "temp_link")
 """Covariates of which a model keeps the mean over its fit."""
@@ -59,6 +60,7 @@ class FitConditions:
     - ``misfit``: ratio of the residuals to this noise, sqrt(chi-square per degree of freedom), plus one standard deviation
       and at least 1. A check multiplies its noise by it. It is 1 where the model states what it left unexplained.
     - ``temp_frame``, ``temp_link``: mean temperatures, degC; None where they were not recorded.
+    - ``lower``, ``upper``: (n,) smallest and largest commands, m or rad; empty in models of older versions.
     """
 
     position_sigma: float
@@ -67,13 +69,20 @@ class FitConditions:
     misfit: float = 1.0
     temp_frame: float | None = None
     temp_link: float | None = None
+    lower: tuple[float, ...] = ()
+    upper: tuple[float, ...] = ()
 
     @staticmethod
     def of(
-        noise: ReadingNoise, chi2: float, dof: float, covariates: Mapping[str, Column], unexplained: ModelDiscrepancy
+        noise: ReadingNoise,
+        chi2: float,
+        dof: float,
+        q: Floats,
+        covariates: Mapping[str, Column],
+        unexplained: ModelDiscrepancy,
     ) -> FitConditions:
-        """The conditions of a fit, from its noise, its chi-square with ``dof`` degrees of freedom, covariates (N,) by name,
-        and what it left unexplained."""
+        """The conditions of a fit, from its noise, its chi-square with ``dof`` degrees of freedom, commands (N, n), covariates
+        (N,) by name, and what it left unexplained."""
         power = chi2 / dof * (1.0 + np.sqrt(2.0 / dof)) if unexplained.none else 1.0
         mean = {n: float(np.mean(np.asarray(covariates[n], dtype=float))) for n in TEMPERATURES if n in covariates}
         return FitConditions(
@@ -81,5 +90,7 @@ class FitConditions:
             orientation_sigma=noise.orientation_sigma,
             drives=noise.repeatability,
             misfit=float(np.sqrt(max(power, 1.0))),
+            lower=tuple(q.min(axis=0).tolist()),
+            upper=tuple(q.max(axis=0).tolist()),
             **mean,
         )

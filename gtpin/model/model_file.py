@@ -43,7 +43,7 @@ class InstrumentRecord(Record):
 
 
 class FitRecord(Record):
-    """Noise and temperatures of a fit; see :class:`~gtpin.model.fit_conditions.FitConditions`."""
+    """Noise, temperatures and ranges of a fit; see :class:`~gtpin.model.fit_conditions.FitConditions`."""
 
     position_sigma: Positive
     orientation_sigma: Positive
@@ -51,6 +51,8 @@ class FitRecord(Record):
     misfit: Annotated[float, Field(ge=1.0, allow_inf_nan=False)] = 1.0
     temp_frame: Finite | None = None
     temp_link: Finite | None = None
+    lower: tuple[Finite, ...] = Field((), strict=False)
+    upper: tuple[Finite, ...] = Field((), strict=False)
 
 
 class UnexplainedRecord(Record):

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from gtpin.data.instrument_tables import shows_place
+from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions
 from gtpin.model.model import Model
 from gtpin.real import generator
@@ -111,3 +112,9 @@ def without_place(motion: Floats, T: Floats, free: Floats, R: Floats | None = No
         size = np.sqrt([(left[:, part : part + 3] ** 2).sum() for part in range(0, c, 3)])
         weight = np.repeat(1.0 / np.maximum(size, ALMOST * max(float(size.max()), 1e-300)), 3)
     return np.asarray(left.reshape(motion.shape))
+
+
+def without_free(model: Model, moved: Floats, poses: Poses) -> Floats:
+    """Motions (N, 3 or 6) of the tool at N poses, m and rad: their positions' part (N, 3), without motions of the machine and
+    of the tool that the instrument does not show. ``model``: the model of the measurements."""
+    return without_place(moved[:, :3], poses.T, free_motions(model), poses.R if model.free_target else None)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
+
+import numpy as np
 
 from gtpin.calibration.result import Calibration
 from gtpin.compensation.compensate import NOT_THE_MACHINE
-from gtpin.compensation.machine import correctable
+from gtpin.compensation.machine import correctable, lacks
 from gtpin.diagnosis.priors import SURE
-from gtpin.diagnosis.result import Diagnosis, HealthCheck
+from gtpin.diagnosis.result import Diagnosis, Gap, HealthCheck
+from gtpin.errors import unheard
 from gtpin.model.dh import chain_of
 from gtpin.model.model import Model
 from gtpin.model.place import movers
@@ -16,7 +20,7 @@ from gtpin.report.calibration_text import lost
 from gtpin.report.page import Step
 from gtpin.report.phrases import named
 from gtpin.report.verdict import beyond_chance, scattered, too_few, worse_than_nominal
-from gtpin.report.words import joined
+from gtpin.report.words import joined, length
 
 MEASURE = Step(
     "Measure more poses, and run the command again. Poses to choose:",
@@ -29,6 +33,9 @@ REPEAT = Step(
 SETTLE = Step(
     "Measure where the target sits, write it into dataset.toml, and run the command again: until then, export nothing."
 )
+NEARER = 0.9
+"""Largest ratio of the errors of two geometries at which the one calibrated without the causes is better. Assumed: about the
+scatter of such errors. Tables of single actuators need the other geometry."""
 PROGRAM = "gtpin export DIR --commands program.csv -o corrected.csv"
 
 
@@ -40,9 +47,11 @@ def steps(d: Diagnosis) -> list[Step]:
     if few and worse_than_nominal(d):
         return few
     again = [REPEAT] if not few and (scattered(d) or beyond_chance(d)) else []
-    found = few + again + geometry_steps(d.model, d.verdict != "unknown")
-    if kept := sure_corrections(d):
-        what = f"Tables that correct {joined(kept)}, for a controller that has the calibrated geometry:"
+    folder, words, best = _geometry(d)
+    found = few + again + geometry_steps(d.model, d.verdict != "unknown", folder, words)
+    if (kept := sure_corrections(d)) and _left(d, [active.name for active in correctable(d.model)]) <= best:
+        of = "the calibrated geometry" if folder == "DIR" else "the geometry of gtpin export DIR -o with_causes.urdf"
+        what = f"Tables that correct {joined(kept)}, for a controller that has {of}:"
         found.append(Step(what, "gtpin export DIR -o corrections.csv"))
     if d.causes and d.verdict != "unknown":
         found.append(Step(f"A program, corrected for everything that the model knows{beside(d.model)}:", PROGRAM))
@@ -85,12 +94,48 @@ def beside(model: Model) -> str:
     return f" of the machine, without {joined(left)}{mean}" if left else ""
 
 
-def geometry_steps(model: Model, explained: bool) -> list[Step]:
-    """The commands that write a calibrated geometry; its parameters are only right where it explains the data."""
-    found = [Step("The calibrated geometry for other programs:", "gtpin export DIR -o corrected.urdf")]
+def geometry_steps(model: Model, explained: bool, folder: str = "DIR", words: str = "") -> list[Step]:
+    """The commands that write a calibrated geometry; its parameters are only right where it explains the data.
+
+    ``folder``: of its model. ``words``: what to say of it.
+    """
+    found = [Step(f"The calibrated geometry for other programs{words}:", f"gtpin export {folder} -o corrected.urdf")]
     if explained and chain_of(model.robot):
-        found.append(Step("What to add to the controller's table:", "gtpin export DIR -o dh.csv --format dh"))
+        found.append(
+            Step("What to add to the controller's table:", f"gtpin export {folder} -o dh.csv --format dh"),
+        )
     return found
+
+
+def _geometry(d: Diagnosis) -> tuple[str, str, float]:
+    """The folder of the geometry that is nearest to the machine where a program has the geometry alone, what to say of it,
+    and its error at left-out poses, m: that of the model with the causes, or that which was calibrated without them."""
+    if not d.model.effects or (before := _position(d.gap, "before")) is None:
+        return "DIR", "", np.inf
+    own = _left(d, ())
+    folder, error = ("DIR/baseline", before) if before < NEARER * own else ("DIR", own)
+    other = (
+        f", calibrated without the causes; that of DIR: {length(own)}" if folder != "DIR" else ", without the causes"
+    )
+    return folder, f" ({length(error)} at left-out poses{other})", error
+
+
+def _left(d: Diagnosis, held: Collection[str]) -> float:
+    """The error at left-out poses, m, of the model's geometry with the effects ``held`` alone; 0 where it is not known."""
+    after = _position(d.gap, "after")
+    if after is None:
+        return 0.0
+    rows = d.dataset.take(~np.isin(d.dataset.row, d.set_aside_rows))
+    names = [active.name for active in d.model.effects if active.name not in held]
+    with unheard():
+        return float(np.hypot(after, lacks(d.model, names, rows.q, rows.covariates)))
+
+
+def _position(gap: Gap, part: str) -> float | None:
+    """The error ``before`` or ``after`` of the positions at left-out poses, m; None where none were measured."""
+    if not gap.by_instrument:
+        return float(getattr(gap, part))
+    return next((float(getattr(one, part)) for one in gap.by_instrument if one.kind == "tracker"), None)
 
 
 def sure_corrections(d: Diagnosis) -> list[str]:

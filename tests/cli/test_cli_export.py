@@ -59,9 +59,8 @@ def test_json_tells_what_was_written_and_what_is_not_held(run: Run, erring: Path
     ran = run("export", erring, "-o", tmp_path / "robot.urdf", "--json")
     told = json.loads(ran.out)
     assert told["written"] == [str(tmp_path / "robot.urdf")]
-    assert re.search(
-        r"does not hold encoder_scale@cart2 \(\S+ um\), target_offset@platform \(\S+ um\)", told["warnings"][0]
-    )
+    assert re.search(r"does not hold target_offset@platform \(\S+ um\)", told["warnings"][0])
+    assert re.search(r"holds encoder_scale@cart2 \(\S+ um\) as <transmission> only", told["warnings"][1])
     assert "gtpin: warning: robot.urdf does not hold" in ran.err
 
 
@@ -236,7 +235,7 @@ def test_tables_of_all_errors_say_what_they_leave(
     assert all((tmp_path / name).is_file() for name in written)
     # The target's offset is the instrument's; the drive's scale is all that is left to correct.
     assert re.search(r"not corrected: target_offset@platform: it moves the target", told["warnings"][0])
-    assert re.search(rf"{file} leaves \S+.* of \S+ um of the TCP's error in the (box|range)", told["warnings"][1])
-    about_parts = [text for text in told["warnings"][2:] if "leaves lengths of parts in x and y off by" in text]
+    assert re.search(rf"{file} leaves \S+.* of \S+ um of the TCP's error in the (box|whole range)", told["warnings"][1])
+    about_parts = [text for text in told["warnings"][2:] if "leaves lengths of parts in x off by" in text]
     assert len(about_parts) == ("--box" in more)
     assert len(told["warnings"]) == 2 + len(about_parts)  # one part is the whole: nothing is said of each part alone

@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import closures
 import numpy as np
 import pandas as pd
 import pytest
 from ran import refused
+from scipy.spatial.transform import Rotation
 from with_effects import active
 
 import gtpin
 from gtpin.bench.simulator.instruments.build import simulate_measured
-from gtpin.data import Dataset
+from gtpin.data import Commands, Dataset
 
 COUNT = 30
 PLACES = (("zero_shift", "cart1"), ("frame_shift", "frame"), ("link_compliance", "arm"))
@@ -135,3 +137,22 @@ def test_a_station_that_can_t_be_is_named_by_its_line(run, wired, tmp_path, head
     ran = run("predict", wired, commands, "--instrument", "wire", "-o", tmp_path / "out.csv")
     assert f"commands.csv, {told}" in ran.failed()
     assert not (tmp_path / "out.csv").exists()
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_orientations_that_positions_do_not_determine_are_told(run, measured, tmp_path):
+    rng = np.random.default_rng(0)
+    plain = closures.nominal("linear_delta")
+    real = plain.off({key: size * rng.standard_normal() for key, size in plain.parameters().items()})
+    q = plain.in_range(rng, 60, 0.7)
+    T, R = real.follow(q, 0.02)
+    turned = Rotation.from_matrix(R) * Rotation.from_rotvec(5e-5 * rng.standard_normal(T.shape))
+    quaternions = turned.as_quat()[:, [3, 0, 1, 2]] if measured else None
+    sigmas = {"position_sigma": 1e-5} | ({"orientation_sigma": 5e-5} if measured else {})
+    seen = T + 1e-5 * rng.standard_normal(T.shape)
+    data = Dataset("linear_delta", [f"p{k}" for k in range(60)], q, seen, quaternions, {}, sigmas)
+    gtpin.write_model(gtpin.calibrate(data).model, tmp_path / "model")
+    Commands([f"n{k}" for k in range(5)], q[:5], {}).write(tmp_path / "new.csv")
+    ran = run("predict", tmp_path / "model", tmp_path / "new.csv", "-o", tmp_path / "out.csv")
+    assert ran.code == 0
+    assert ("orientations that the data do not determine" in ran.err) is not measured

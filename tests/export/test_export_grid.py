@@ -17,6 +17,7 @@ from with_effects import active
 import gtpin
 from gtpin.errors import GtpinError
 from gtpin.export import Box, TablesFor, export
+from gtpin.model.fit_conditions import FitConditions
 
 
 @pytest.fixture
@@ -74,9 +75,40 @@ def test_commands_with_what_the_table_adds_bring_the_tcp_where_it_was_meant(warm
     assert 1e6 * before == pytest.approx(float(said[2]), rel=0.15)
 
 
+def test_tables_of_actuators_name_the_temperature_that_their_error_is_for(warm: gtpin.Model, tmp_path: Path) -> None:
+    known = replace(warm, covariance=np.diag((0.01 * warm.geometry.tolerance) ** 2))
+    text = " ".join(told(known, tmp_path / "drives.csv"))
+    assert "in the whole ranges of the drives at 20 degC" in text
+    cold = " ".join(told(replace(known, effects=known.effects[:1]), tmp_path / "drives.csv"))
+    assert "in the whole ranges of the drives, with" in cold
+
+
+def test_what_remains_is_told_for_the_commands_of_the_fit(warm: gtpin.Model, tmp_path: Path) -> None:
+    """In the middle of the ranges a table is nearer than at their ends."""
+    robot, nominal = warm.robot, gtpin.read_model("gantry_tau")
+    middle, half = (robot.lower + robot.upper) / 2.0, (robot.upper - robot.lower) / 8.0
+    lower, upper = middle - half, middle + half
+    fit = FitConditions(1e-5, 1e-5, 0.0, lower=tuple(lower), upper=tuple(upper))
+    words = told(replace(warm, effects=(), fit=fit), tmp_path / "table.csv", "grid")
+    said = re.search(r"leaves (\S+) of (\S+) um of the TCP's error in the ranges of the fit", words[0])
+    whole = re.search(r"leaves (\S+) um in the whole ranges", words[1])
+    assert said
+    assert whole
+    q = np.random.default_rng(0).uniform(lower, upper, (2000, 3))
+    new = q + added(pd.read_csv(tmp_path / "table.csv"), q, {})
+    left = [
+        np.sqrt(
+            ((warm.without([e.name for e in warm.effects]).predict(some).T - nominal.predict(q).T) ** 2).sum(1).mean()
+        )
+        for some in (new, q)
+    ]
+    assert [float(one) for one in said.groups()] == pytest.approx([1e6 * one for one in left], rel=0.1)
+    assert float(said[1]) < 0.5 * float(whole[1])
+
+
 @pytest.mark.slow
 def test_without_temperatures_thermal_effects_are_named_as_left_out(warm: gtpin.Model, tmp_path: Path) -> None:
-    lost = r"does not hold thermal_links@arm \(\S+ um at 1 K more\), thermal_track@cart2 \(\S+ um at 1 K more\)"
+    lost = r"does not hold thermal_links@arm \(\S+ um for each K .*\), thermal_track@cart2 \(\S+ um for each K off .*\)"
     assert re.search(lost, told(warm, tmp_path / "table.csv", "grid")[0])
     table = pd.read_csv(tmp_path / "table.csv")
     assert list(table.columns) == ["q1", "q2", "q3", "dq1", "dq2", "dq3"]

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from with_effects import active
 
 import gtpin
@@ -54,11 +55,26 @@ def test_what_depends_on_a_temperature_is_told_for_a_kelvin() -> None:
     warm = {"temp_link": np.linspace(20.0, 30.0, len(Q))}
     links = active(UR5, Q, "thermal_links", "arm", covariates=warm, drawn=lambda sigma: np.full(len(sigma), 1e-5))
     (text,) = with_losses(replace(UR5, effects=(links,)), ("thermal_links@arm",))
-    assert text.endswith(" um at 1 K more)")
+    assert text.endswith(" um for each K off the file's 20 degC)")
+
+
+def test_a_loss_is_without_what_a_free_instrument_does_not_show() -> None:
+    model = with_effect("joint_compliance", "shoulder_lift_joint", 2e-6)
+    free = replace(model, frame=gtpin.Frame(np.array([2.0, 0.0, 1.0])))
+    a, b = model.predict(Q, APPROACH).T, UR5.predict(Q).T
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    turn = Rotation.align_vectors(b, a)[0]
+    exact = 1e6 * float(np.sqrt(((turn.apply(a) - b) ** 2).sum(axis=1).mean()))
+    whole, told = (
+        float(re.findall(r"\((\S+) um\)", with_losses(one, ("joint_compliance@shoulder_lift_joint",))[0])[0])
+        for one in (model, free)
+    )
+    assert told == pytest.approx(exact, rel=0.1)
+    assert told < 0.8 * whole
 
 
 def test_a_drives_scale_stands_in_a_transmission_and_is_told(tmp_path: Path) -> None:
-    with pytest.warns(gtpin.GtpinWarning, match=r"encoder_scale@elbow_joint \(\S+ um\); .*: as <transmission> only"):
+    with pytest.warns(gtpin.GtpinWarning, match=r"holds encoder_scale@elbow_joint \(\S+ um\) as <transmission> only"):
         export(with_effect("encoder_scale", "elbow_joint", 1e-4), tmp_path / "arm.urdf")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -68,6 +84,7 @@ def test_a_drives_scale_stands_in_a_transmission_and_is_told(tmp_path: Path) -> 
     for joint, reduction in after.items():
         # A joint moves by its actuator's travel over the reduction.
         assert before[joint] / reduction == pytest.approx(1.0 + 1e-4 * (joint == "elbow_joint"), abs=1e-12)
+    assert "<!-- this file holds encoder_scale@elbow_joint" in (tmp_path / "arm.urdf").read_text(encoding="utf-8")
     q = Q[:3]
     again = gtpin.read_model(tmp_path / "arm.urdf")
     np.testing.assert_allclose(again.predict(q).T, UR5.predict(q).T, rtol=0, atol=1e-12)

@@ -173,7 +173,7 @@ def test_a_place_on_the_bed_is_no_error_where_the_data_do_not_show_it() -> None:
     np.testing.assert_allclose(without_place(up, xyz, on_it), up, atol=1e-15)  # z and tilts are errors
     doubt = OpenDirections(np.stack([larger, larger], axis=2))
     text = Left(larger + moved, 0.0 * larger, doubt).size(xyz)
-    assert "off by +0.00 % (1 sigma 0.42 %; before +0.30 %)" in text
+    assert "in x off by +0.00 % (1 sigma 0.42 %; before +0.30 %) and in y off by +0.00 % (1 sigma" in text
 
 
 def test_the_parts_of_a_table_add_up() -> None:

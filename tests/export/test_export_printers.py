@@ -128,6 +128,24 @@ def test_a_delta_is_as_near_as_the_command_says(
 
 
 @pytest.mark.slow
+def test_lengths_of_parts_are_told_for_each_axis(printer: gtpin.Model, folder: Path) -> None:
+    """A drive of three with a wrong scale stretches x and presses y."""
+    text = " ".join(told(replace(printer, effects=printer.effects[1:2]), folder / "gtpin.cfg", box=BOX))
+    said = re.findall(r"in [xy] off by (\S+) % \(before (\S+) %\)", text)
+    wanted, present = fresh(), klipper(folder)
+    (folder / "bare").mkdir()
+    (folder / "bare" / "printer.cfg").write_text(PRINTER_CFG, encoding="utf-8")
+    for way, firmware in enumerate((present, klipper(folder / "bare"))):
+        there = replace(printer, effects=printer.effects[1:2]).predict(
+            commands(firmware, klipper(folder / "bare"), wanted), {"temp_link": np.full(len(wanted), 20.0)}
+        )
+        off = there.T - wanted - BOX.origin
+        true = [100.0 * np.polyfit(wanted[:, k], off[:, k], 1)[0] for k in (0, 1)]
+        assert [float(one[way]) for one in said] == pytest.approx(true, abs=0.03)
+    assert abs(true[0] - true[1]) > 0.02
+
+
+@pytest.mark.slow
 def test_dimensions_hold_what_is_one(drawn_of: Callable[[str], Drawn], folder: Path) -> None:
     """A scale of a drive is a rotation_distance: it is taken away whole, and only where it belongs."""
     drawn = drawn_of("linear_delta")
@@ -199,7 +217,7 @@ def test_a_controller_with_the_calibrated_geometry_is_left_with_the_effects(prin
 @pytest.mark.slow
 def test_what_is_left_of_each_part_is_named(printer: gtpin.Model, folder: Path) -> None:
     words = "\n".join(told(printer, folder / "gtpin.cfg", box=BOX, firmware=folder / "printer.cfg"))
-    assert re.search(r"gtpin.cfg does not hold thermal_links@arm \(\S+ um at 1 K more\)", words)
+    assert re.search(r"gtpin.cfg does not hold thermal_links@arm \(\S+ um for each K off the file's 20 degC\)", words)
     parts = re.search(r"leaves of each part alone: (.*)", words)
     assert parts
     found = {

@@ -11,6 +11,7 @@ from gtpin.calibration.checks.prepared import known_noise, prepared
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
 from gtpin.data.duplicates import copies
+from gtpin.data.instrument_tables import TrackerTable
 from gtpin.data.plausible import check_actuators, sane_rows
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
@@ -110,7 +111,8 @@ def _certify(
     bare = Model(Geometry.nominal(used.robot)) if known else held.model.without([a.name for a in held.model.effects])
     nominal = HeldAgainst.of(bare, rows, noise, align=free and known)
     gap = None if found is None else found.gap
-    evaluation = Evaluation(rows, nominal, known, held, posterior, gap, basis == "fitted")
+    unknown = found is not None and found.verdict == "unknown"
+    evaluation = Evaluation(rows, nominal, known, held, posterior, gap, basis == "fitted", unknown)
     quantities = evaluation.quantities()
     if all(one.value is None for one in quantities):
         raise DatasetError(
@@ -149,10 +151,17 @@ def _check(dataset: Dataset, model: Model | None, instrument: float | None) -> N
             column="instrument.stations",
             hint="register the sessions to common marks, and give all poses in one frame",
         )
-    dataset.refuse_readings(
+    what, hint = (
         "a certificate takes the positions of one tracker, and other instruments' readings are none",
         "measure poses with a tracker (gtpin-dataset/1), and give the model of these readings with --model",
     )
+    if len(dataset.readings.tables) == 1 and isinstance(dataset.readings.tables[0], TrackerTable):
+        what = "a certificate is of the measured point, and with target = [x, y, z] this is not the TCP"
+        hint = (
+            "to certify the target, give the robot's file a link there, write its name as tcp in dataset.toml, and leave "
+            "target out"
+        )
+    dataset.refuse_readings(what, hint)
     if instrument is not None and not 0.0 < instrument < np.inf:
         raise ModelError(f"an instrument's uncertainty of {instrument:g} m", hint="give a positive number of metres")
     if model is None:

@@ -43,6 +43,8 @@ class Evaluation:
     - ``posterior``: uncertainty of the model of ``corrected``.
     - ``gap``: errors on left-out poses, where a diagnosis of these rows made the model; None where the model was given.
     - ``fitted``: whether the given model was fitted to these rows.
+    - ``unknown``: whether the diagnosis found something unknown. The scatter of visits may then be an error of the machine too:
+      of it, the declared noise alone counts as noise.
     """
 
     rows: Dataset
@@ -52,6 +54,7 @@ class Evaluation:
     posterior: ModelPosterior
     gap: Gap | None
     fitted: bool
+    unknown: bool = False
 
     @cached_property
     def approach(self) -> Floats | None:
@@ -79,7 +82,7 @@ class Evaluation:
 
     @cached_property
     def _scatter(self) -> Scatter | None:
-        return Scatter.of(self.rows.visits, self.corrected.errors)
+        return None if self.unknown else Scatter.of(self.rows.visits, self.corrected.errors)
 
     def scatter(self, held: HeldAgainst, part: slice) -> Scatter:
         """Scatter of single visits to a pose, from any direction: from repeated visits, else the declared noise, else none.
@@ -88,7 +91,7 @@ class Evaluation:
         """
         noise, pooled, declared = self.corrected.noise, Scatter.of(self.rows.visits, held.errors), self.rows.instrument
         position = part.start == 0
-        if pooled is not None:
+        if pooled is not None and not (self.unknown and held is self.corrected):
             return pooled.part(part).with_noise(declared.position_sigma if position else declared.orientation_sigma)
         sigma = noise.position_sigma if position else noise.orientation_sigma
         return Scatter((0.0 if self.noise_known == "no" else sigma**2) * np.eye(3), np.inf)

@@ -70,7 +70,8 @@ class CertificatePresentation(PagePresentation):
         apart = ", apart from where the machine stands" if c.stands == "fitted" else ""
         of = "of position errors" if c.point == "tcp" else "of errors of the measured target"
         numbers = [(quantity(c.budget.radius, "m"), f"95 % {of}, corrected{apart}")]
-        for symbol in ("AP_p_corrected_rms", "AP_p_nominal_rms", "RP_l_pooled"):
+        own = "RP_l_pooled" if c["RP_l_machine"].value is None else "RP_l_machine"
+        for symbol in ("AP_p_corrected_rms", "AP_p_nominal_rms", own):
             if (value := c[symbol].value) is not None:
                 numbers.append((quantity(value, c[symbol].unit, c[symbol].sigma), DEFINITIONS[symbol].name))
         program = "A program, corrected by the certified model:"

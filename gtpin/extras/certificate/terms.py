@@ -69,7 +69,7 @@ DEFINITIONS = {
         f"{ISO_9283}, 7.2.2",
     ),
     "RP_l_pooled": Definition(
-        "position repeatability, as measured", "E|x| + 3 SD|x|", POOLED, f"{ISO_9283}, 7.2.2", True
+        "position repeatability, with the instrument's noise", "E|x| + 3 SD|x|", POOLED, f"{ISO_9283}, 7.2.2", True
     ),
     "RP_l_machine": Definition(
         "position repeatability of the machine",
@@ -151,10 +151,10 @@ STATE: tuple[Missing, ...] = ("not_stated", "not_declared", "no_approach")
 """Reasons of what is blank until the user states what is known without a measurement."""
 STATED = {
     "unknown": "The diagnosis found errors that no known effect explains. They count as unexplained, and can be larger at "
-    "other poses.",
+    "other poses. The scatter of visits can be a part of them: only declared noise is not counted as an error.",
     "ambiguous": "The diagnosis does not decide between several effects. Under conditions that were not recorded, their "
     "errors differ.",
-    "no": "The instrument's noise was not declared, and no repeated visits show it. All residuals count as errors of the "
+    "no": "The instrument's noise was not declared, and repeated visits do not show it. All residuals count as errors of the "
     "machine.",
 }
 """What a certificate states of the diagnosis, by its verdict, and of the noise, by how it is known."""
@@ -168,7 +168,8 @@ ROWS = {
 HOW = {
     "model": "joint covariance of the fit: the noise of the readings, and the tolerances where the poses determine nothing",
     "frame": "least squares over the measured poses, given the other unknowns",
-    "repeatability": "maximum likelihood from repeated visits, limited by the size of all errors beyond noise",
+    "repeatability": "maximum likelihood from repeated visits, limited by the size of all errors beyond noise; scatter beyond "
+    "noise that is not like that of actuators counts as unexplained",
     "unexplained": "errors of the corrected machine beyond noise and the other contributions, enlarged for their own "
     "uncertainty",
     "instrument": "as stated",

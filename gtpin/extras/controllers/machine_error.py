@@ -13,7 +13,7 @@ from gtpin.data.instrument_tables import PlaneTable
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import ModelError
 from gtpin.export.box import Box
-from gtpin.export.loss import both_approaches, postures, rms, um
+from gtpin.export.loss import both_approaches, not_oriented, postures, ranges_known, rms, um
 from gtpin.extras.certificate.held_against import ModelPosterior, at_commands, by_commands, by_unknowns, prior_sizes
 from gtpin.extras.controllers.towers import DIMENSIONS, Drives, TowerFit
 from gtpin.extras.importers.towers import Towers
@@ -100,21 +100,21 @@ def open_directions(machine: CompensatedMachine, whole: Model, q: Floats) -> Ope
     if machine.model.covariance is None:
         return None
     at = _at(machine, q)
-    moved = (by_unknowns(machine.model, at) @ ModelPosterior(machine.model).root)[:, :3]
+    moved = by_unknowns(machine.model, at) @ ModelPosterior(machine.model).root
     parts = None if touches_one_plane(whole) else Undetermined.of(whole, moved, at.poses)
-    moved = without_place(moved, at.poses.T, motions_of_no_error(whole))
+    moved = without_place(moved[:, :3], at.poses.T, motions_of_no_error(whole))
     known = whole.unexplained is None or whole.unexplained.noise_known
     return OpenDirections(moved, unexplained_error(whole, by_commands(machine.model, at)), parts, known)
 
 
 def left_of_commands(model: Model, q: Floats, where: str) -> tuple[str, ...]:
     """What corrected commands (N, n) leave of the machine's error, as texts; none where it is not known. ``where``: at what
-    poses."""
+    poses. And whether the data do not determine orientations."""
     doubt = open_directions(machine_at(model)[0], model, q)
     if doubt is None:
         return ()
     words = machine_words(doubt, np.zeros((len(q), 3)), None, where, standing=touches_one_plane(model))
-    return (f"leaves {words}",)
+    return (f"leaves {words}", *not_oriented(model))
 
 
 def left_of_drives(model: Model, carried: Collection[str], session: str | None) -> tuple[str, ...]:
@@ -126,7 +126,9 @@ def left_of_drives(model: Model, carried: Collection[str], session: str | None) 
         return ()
     after = replace(machine, model=machine.model.without(carried)).goes_to(q, both_approaches(len(q))) - poses.T
     after = without_place(after, poses.T, motions_of_no_error(model))
-    where = "the range of the fit, with the calibrated kinematics in the controller"
+    over = "the ranges of the fit" if ranges_known(machine.model) else "the whole ranges of the drives"
+    warm = [one.references.temperature for one in machine.model.effects if machine.temperature_columns]
+    where = f"{over}{f' at {warm[0]:g} degC' if warm else ''}, with the calibrated kinematics in the controller"
     return (f"leaves {machine_words(doubt, after, None, where, standing=touches_one_plane(model))}",)
 
 
@@ -180,15 +182,29 @@ class Left:
     """Whether a shift and a turn on the bed is no error."""
 
     def size(self, xyz: Floats) -> str:
-        """Text with the relative error of lengths in x and y, per cent, at points xyz (N, 3), m."""
+        """Text with the relative errors of lengths in x and in y, per cent, at points xyz (N, 3), m."""
         xy = xyz[:, :2] - xyz[:, :2].mean(axis=0)
 
         def scale(errors: Floats) -> Floats:
-            return np.asarray(100.0 * np.einsum("ni,ni...->...", xy, errors[:, :2]) / (xy**2).sum())
+            return np.asarray(
+                100.0
+                * np.einsum("nk,nk...->k...", xy, errors[:, :2])
+                / (xy**2).sum(axis=0).reshape(2, *[1] * (errors.ndim - 2))
+            )
 
-        open_ = "" if self.doubt is None else f"1 sigma {np.linalg.norm(scale(self.doubt.moved)):.2g} %; "
-        after, before = scale(self.after), scale(self.before)
-        return f"leaves lengths of parts in x and y off by {after:+.2f} % ({open_}before {before:+.2f} %)"
+        open_ = [""] * 2
+        if self.doubt is not None:
+            open_ = [f"1 sigma {sigma:.2g} %; " for sigma in np.linalg.norm(scale(self.doubt.moved), axis=1)]
+        found = [
+            f"in {axis} off by {after:+.2f} % ({sigma}before {before:+.2f} %)"
+            for axis, after, sigma, before in zip("xy", scale(self.after), open_, scale(self.before), strict=True)
+        ]
+        return f"leaves lengths of parts {' and '.join(found)}"
+
+    @property
+    def expected(self) -> float:
+        """Root mean square error with tables, m: of the machine where its uncertainty is known, else of the model."""
+        return rms(self.after) if self.doubt is None else self.doubt.rms(self.after)[0]
 
     @property
     def is_nothing(self) -> bool:
@@ -233,9 +249,10 @@ def machine_words(
     else:
         left = ""
     held = "The file holds the model exactly." if lost < LEAST else f"The file can't hold {um(lost)} um of the model."
+    alike = "It is taken as equal along x, y and z, and can be larger where conditions differ from those of the fit. "
     return (
         f"an expected error of the machine's TCP of {found}{of} um in {where} (95 %: {low} to {high} um; {up}). {held} "
-        f"{left}Not determined by the data: {doubt.words}"
+        f"{left}{alike if left and doubt.noise_known else ''}Not determined by the data: {doubt.words}"
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from gtpin.compensation.machine import CompensatedMachine, parts
 from gtpin.errors import GtpinError, ModelError
 from gtpin.export.box import Box, spread
-from gtpin.export.loss import both_approaches
+from gtpin.export.loss import both_approaches, ranges, ranges_known, um
 from gtpin.export.writer import Export, TablesFor
 from gtpin.extras.controllers.controller import Controller, controller_of, there
 from gtpin.extras.controllers.grid_table import GridTable, grid_table
@@ -211,7 +211,12 @@ def grid_file(model: Model, file: Path, session: str | None, wanted: TablesFor) 
     remains = _left_of_grid(last, believed, table, model)
     check_any([remains])
     words, absent = by_parts(alone)
-    notes = [remains.words("the range of the actuators", last.temperatures), *words]
+    if ranges_known(model):
+        used = _left_of_grid(last, believed, table, model, ranges(model))
+        over = f"leaves {um(remains.expected)} um in the whole ranges of the actuators"
+        notes = [used.words("the ranges of the fit", last.temperatures), over, *words]
+    else:
+        notes = [remains.words("the whole ranges of the actuators", last.temperatures), *words]
     if coarse:
         notes.append(f"is without {', '.join(coarse)}: it has too few nodes for it, and would make the error larger")
     missing = np.isnan(table.change[0]).any(axis=-1)
@@ -221,9 +226,16 @@ def grid_file(model: Model, file: Path, session: str | None, wanted: TablesFor) 
     return Export({file.name: text}, (*unknown, *absent), tuple(notes))
 
 
-def _left_of_grid(machine: CompensatedMachine, controller: Model, table: GridTable, whole: Model) -> Left:
-    """Errors at commands of Halton's sequence, in cells of the table without NaN, at its last temperature step."""
-    low, high = (np.array([nodes[k] for nodes in table.nodes]) for k in (0, -1))
+def _left_of_grid(
+    machine: CompensatedMachine,
+    controller: Model,
+    table: GridTable,
+    whole: Model,
+    within: tuple[Floats | float, Floats | float] = (-np.inf, np.inf),
+) -> Left:
+    """Errors at commands of Halton's sequence, in cells of the table without NaN, at its last temperature step; ``within``:
+    (n,) smallest and largest commands."""
+    low, high = (np.clip([nodes[k] for nodes in table.nodes], *within) for k in (0, -1))
     q = spread(low, high, POINTS)
     asked = table.applied(q, len(table.temperatures) - 1)
     wanted = controller.kinematics.forward(q)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gtpin.compensation.machine import correctable
 from gtpin.errors import GtpinError
-from gtpin.export.loss import left_out, not_explained
+from gtpin.export.loss import left_out, not_explained, not_oriented
 from gtpin.export.writer import Export, TablesFor, Writer
 from gtpin.extras.controllers.corrections import MOST, TRIPLETS, correction_table, corrections, linuxcnc_file
 from gtpin.extras.controllers.machine_error import left_of_drives
@@ -50,7 +50,7 @@ def _dh(model: Model, file: Path, session: str | None, tables: TablesFor) -> Exp
         lines.append(f"{p.site},{p.name},{p.unit},{p.nominal:z.9f},{p.correction:z.9f},{sigma},{known}")
     missing = tuple(name for name in left_out(model) if "@" in name)
     doubt = tuple(f"{words}: corrections may be off by more than their sigmas" for words in not_explained(model))
-    return Export({file.name: "\n".join(lines) + "\n"}, missing, doubt)
+    return Export({file.name: "\n".join(lines) + "\n"}, missing, (*doubt, *not_oriented(model)))
 
 
 CSV = Writer(_csv, ".csv")
