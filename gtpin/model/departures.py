@@ -72,9 +72,7 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
     ``q``: (N, n) commands, m or rad. The derivative of the TCP is taken halfway between the nominal and the calibrated
     geometry, so that displacements are exact to the second order.
     """
-    geometry, covariance = model.geometry, model.covariance
-    if model.joint_covariance is not None:
-        covariance = model.joint_covariance[: len(geometry.parameters), : len(geometry.parameters)]
+    geometry, covariance = model.geometry, model.geometry_covariance
     if covariance is None or geometry.is_nominal:
         return ()
     q = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), POSES)).astype(int))]

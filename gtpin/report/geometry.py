@@ -6,9 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtpin.diagnosis.priors import SURE
-from gtpin.diagnosis.result import Diagnosis
-from gtpin.model.departures import Departure, departures, size_of
+from gtpin.model.departures import Departure, size_of
 from gtpin.report.page import Table
 from gtpin.report.words import counted, joined, length, quantity
 
@@ -22,8 +20,6 @@ SMALL = 0.02
 MOST = 0.5
 """Largest share of the squared displacement that all others may leave where it is ascribed to one parameter. Parameters can
 compensate each other, so that one of them may displace the TCP by more than all together."""
-KEPT = 0.5
-"""Largest ratio of the largest determined departure with open causes to that without them, where they take it up. Assumed."""
 HEAD = ("parameter", "change from nominal", "at the TCP, RMS")
 WORDS = {
     "zero": "zero of {site}",
@@ -49,17 +45,6 @@ COMMON = {
     "base_joint": "shift of all joints on the base",
 }
 """Common motions of parameters of several parts, in words."""
-
-
-def departures_of(d: Diagnosis) -> tuple[Departure, ...]:
-    """The departures that a diagnosis found, with its causes. Where an open cause takes up the largest one (it moves the TCP as
-    a wrong zero does, for example), those of the geometry alone."""
-    found = departures(d.model, d.dataset.q)
-    if all(cause.probability >= SURE for cause in d.causes):
-        return found
-    alone = departures(d.baseline.model, d.dataset.q)
-    size, size_alone = (max((one.position_rms for one in clear(some)), default=0.0) for some in (found, alone))
-    return found if size > KEPT * size_alone else alone
 
 
 def departure_words(one: Departure) -> str:

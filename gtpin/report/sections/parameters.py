@@ -9,7 +9,7 @@ from gtpin.model.departures import departures
 from gtpin.model.dh import DhParameter, chain_of, controller_table
 from gtpin.model.model import Model
 from gtpin.report.calibration_text import SHOWN, grouped
-from gtpin.report.geometry import all_departures, departures_of, zero_size
+from gtpin.report.geometry import all_departures, zero_size
 from gtpin.report.page import Block, Fold, Heading, Section, Table
 from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import percent, quantity, whole
@@ -24,7 +24,7 @@ def parameters(r: FitPresentation) -> Section:
     without and with the causes."""
     c, d = r.calibration, r.diagnosis
     model = c.model if d is None else d.model
-    found = departures(model, r.dataset.q) if d is None else departures_of(d)
+    found = departures(model, r.dataset.q)
     content: list[Block] = []
     if found:
         words = (
