@@ -90,7 +90,8 @@ def one_mistake(revolute: Mask) -> Iterator[CommandReading]:
         looks = f"{names[i]} and {names[j]} look swapped"
         yield CommandReading(f"{names[i]} {names[j]}", (looks,), ("swap them",), one[order])
     if count > 2:
-        yield CommandReading(everything, ("q1 .. qn look to be in reverse order",), ("reverse them",), one[::-1])
+        if count > 3:  # of three, the first and the last are swapped
+            yield CommandReading(everything, ("q1 .. qn look to be in reverse order",), ("reverse them",), one[::-1])
         for by in (1, -1):
             order = np.roll(range(count), by)
             assigned = ", ".join(f"{names[i]} = {names[j]}" for i, j in enumerate(order))

@@ -60,8 +60,8 @@ BEYOND_EXPECTED = 3.0
 """Misfit, in expected errors of the nominal model, above which frame, commands and target are doubted. Assumed."""
 LINE = 0.1
 """Ratio of a workspace's width to its length below which positions do not determine a rotation about its length. Assumed."""
-MOST_NAMED = 3
-"""Largest number of readings that are named where several fit equally well."""
+MOST_NAMED = 4
+"""Largest number of readings that are named where several fit equally well: three swaps and a frame, of a delta."""
 
 # Zeros of commands
 

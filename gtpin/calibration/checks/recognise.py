@@ -90,6 +90,8 @@ def recognised(
     named = [reading for reading in chosen if reading.misfit <= close]
     named.sort(key=lambda reading: reading.misfit > limits.AS_GOOD * best.misfit)
     looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in named), strict=True))
+    if len({reading.looks for reading in named}) > 1:
+        hints += "; the data fit equally well with each: find out which is true, for parameters and causes depend on it"
     return replace(named[0], looks=looks, hint=hints)
 
 

@@ -1,4 +1,4 @@
-"""Usual mistakes are named of a target with a declared place as they are of one at the TCP: data of the tests' own closures."""
+"""Usual mistakes are named with a declared target too, and all of those that fit alike: data of the tests' own closures."""
 
 import closures
 import numpy as np
@@ -40,3 +40,19 @@ def test_a_mistake_is_named_though_the_target_has_a_declared_place(frame: str) -
     ):
         with pytest.raises(DatasetError, match=said):
             check(*wrong, section)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("swapped", [[0, 2, 1], [1, 0, 2]])
+def test_where_a_machine_is_symmetric_all_columns_that_may_be_swapped_are_named(swapped: list[int]) -> None:
+    """Three towers 120 degrees apart, and a free frame: which two were swapped does not show, nor whether the frame is."""
+    machine, rng = closures.nominal("linear_delta"), np.random.default_rng(6)
+    q = machine.in_range(rng, 60)
+    read = machine.follow(q, 0.02)[0] + SIGMA * rng.standard_normal((60, 3))
+    section = InstrumentSection(position_sigma=SIGMA, frame="free")
+    dataset = gtpin.Dataset("linear_delta", [str(i) for i in range(60)], q[:, swapped], read, instrument=section)
+    with pytest.raises(DatasetError) as told:
+        gtpin.calibrate(dataset)
+    assert all(f"{one} look swapped" in told.value.what for one in ("q1 and q2", "q1 and q3", "q2 and q3"))
+    assert "left-handed" in told.value.what
+    assert "equally well with each" in str(told.value)
