@@ -13,7 +13,7 @@ import numpy as np
 from gtpin.diagnosis.result import Cause, Diagnosis, Gap, HealthCheck, Member
 from gtpin.effects.sites import joints
 from gtpin.errors import GtpinError
-from gtpin.model.departures import departures
+from gtpin.model.departures import departures, track_differences
 from gtpin.model.model import Model
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import fields, json_text
@@ -74,7 +74,9 @@ class DiagnosisPresentation(FitPresentation):
         head = ("cause", "probability", "parameters", "part of the gap")
         return replace(
             said,
-            headline="\n".join(filter(None, (IN_DOUBT if doubt else geometry_line(found), said.headline))),
+            headline="\n".join(
+                filter(None, (IN_DOUBT if doubt else geometry_line(found, track_differences(d.model)), said.headline))
+            ),
             advice=[*([f"{doubt[:1].upper()}{doubt[1:]}."] if doubt else []), *said.advice],
             numbers=_numbers(d),
             sketch=drawing(d.model, d.dataset.q.mean(axis=0), *shares),

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtpin.model.departures import Departure, size_of
+from gtpin.model.departures import Departure, Difference, size_of
 from gtpin.report.page import Table
 from gtpin.report.words import counted, joined, length, quantity
 
@@ -15,6 +15,8 @@ SHOWN = 5
 CLEAR = 3.0
 """Number of sigmas from which a departure is shown by name on a first screen: one of 50 parameters, as those of the Gantry-Tau,
 is beyond 3 sigmas by chance in 13 % of machines, beyond 2 in 90 %."""
+APART = 2
+"""Number of differences between tracks on a first screen."""
 SMALL = 0.02
 """Smallest displacement, over the largest, of a departure on a first screen."""
 MOST = 0.5
@@ -91,14 +93,18 @@ def geometry_table(found: Sequence[Departure]) -> list[Table]:
     return [Table(HEAD, rows, (1, 2))] if rows else []
 
 
-def geometry_line(found: Sequence[Departure]) -> str:
+def geometry_line(found: Sequence[Departure], apart: Sequence[Difference] = ()) -> str:
     """Which parameters make the error of the nominal geometry, in a sentence, and of which only differences are known; empty of
-    a nominal geometry."""
+    a nominal geometry. ``apart``: such differences, of which those that are determined are named."""
     common = dict.fromkeys(COMMON[one.what] for one in clear(found) if one.relative and one.what in COMMON)
     relative = (
         f" A common {joined(list(common))} is not determined: only differences between them are." if common else ""
     )
-    return _largest(found) + relative if found else ""
+    named = {one.name for one in clear(found)}
+    apart = [one for one in apart if abs(one.value) > CLEAR * one.sigma and not {one.first, one.second} <= named]
+    said = [f"{d.first} less {d.second} {quantity(d.value, d.unit, d.sigma)}" for d in apart[:APART]]
+    known = f" Determined between tracks, and of none alone: {joined(said)}." if said else ""
+    return _largest(found) + relative + known if found else ""
 
 
 def _largest(found: Sequence[Departure]) -> str:
