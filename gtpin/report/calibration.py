@@ -25,7 +25,7 @@ from gtpin.report.calibration_text import (
     unseen_words,
     visits_over_declared,
 )
-from gtpin.report.geometry import geometry_line, geometry_table
+from gtpin.report.geometry import geometry_line, geometry_table, point_of
 from gtpin.report.page import Lead, Table, provenance
 from gtpin.report.sections import FitPresentation
 from gtpin.report.sections.parameters import parameter_table
@@ -62,13 +62,13 @@ class CalibrationPresentation(FitPresentation):
         tone, badge, headline, advice = _verdict(c)
         return Lead(
             f"{self.title} · {len(c.names)} parameters from {c.poses} measurements",
-            "\n".join(filter(None, (geometry_line(found, apart), headline))),
+            "\n".join(filter(None, (geometry_line(found, apart, point_of(c.model)), headline))),
             [*advice, *elsewhere(c), *exact_scales(c)],
             _numbers(c),
             badge,
             tone,
             drawing(c.model, q.mean(axis=0)),
-            content=geometry_table(found),
+            content=geometry_table(found, point_of(c.model)),
             steps=calibration_steps(c),
             warnings=c.warnings,
         )

@@ -21,7 +21,7 @@ from gtpin.report.calibration import UNKNOWN
 from gtpin.report.calibration_text import IN_DOUBT, best_frame, nominal_words
 from gtpin.report.effect_curves import curve_drawing, drawn_curves
 from gtpin.report.figure import alone
-from gtpin.report.geometry import geometry_line, geometry_table
+from gtpin.report.geometry import geometry_line, geometry_table, point_of
 from gtpin.report.next_experiment import FOLDER, write_experiments
 from gtpin.report.page import Lead, Table, provenance
 from gtpin.report.phrases import cause_rows, named, parameter_rows, reason_words
@@ -67,7 +67,7 @@ class DiagnosisPresentation(FitPresentation):
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, the causes, and what to do."""
         d = self.diagnosis
-        doubt = d.baseline.model.doubt
+        doubt, point = d.baseline.model.doubt, point_of(d.model)
         said, found = verdict(d), () if doubt else departures(d.model, d.dataset.q)
         # Without a gap, a free motion of a part explains nothing.
         shares = () if d.verdict == "none" else (d.where.site, [c.site for c in d.causes])
@@ -75,7 +75,10 @@ class DiagnosisPresentation(FitPresentation):
         return replace(
             said,
             headline="\n".join(
-                filter(None, (IN_DOUBT if doubt else geometry_line(found, track_differences(d.model)), said.headline))
+                filter(
+                    None,
+                    (IN_DOUBT if doubt else geometry_line(found, track_differences(d.model), point), said.headline),
+                )
             ),
             advice=[*([f"{doubt[:1].upper()}{doubt[1:]}."] if doubt else []), *said.advice],
             numbers=_numbers(d),
@@ -83,7 +86,7 @@ class DiagnosisPresentation(FitPresentation):
             caption=f"{SHADES}{' Blue: the sites of the causes.' if d.causes else ''}" if shares else "",
             content=[
                 *why_content(d),
-                *geometry_table(found),
+                *geometry_table(found, point),
                 *([Table(head, cause_rows(d), (1,), wide=(0, 2))] if d.causes else []),
             ],
             steps=steps(d),
