@@ -35,7 +35,7 @@ from gtpin.kinematics.rotations import from_quaternions
 from gtpin.model.model import Model
 from gtpin.robot.chain import Chain
 
-LOOK = "check the order of q1 .. qn, that rows have their own commands, units, and where the instrument stood"
+LOOK = "check the order of q1 .. qn, that rows have their own commands, units, and where instrument and target stood"
 """What the user should do where no usual mistake explains the readings."""
 LENGTHS: dict[type[InstrumentTable], tuple[str, ...]] = {
     TrackerTable: ("x", "y", "z"),
@@ -222,7 +222,7 @@ def check_readable(
                 f"{what} robot gives{f': {looks.looks}' if looks else ''}",
                 file=file,
                 column=looks.columns if looks else None,
-                hint=looks.hint if looks else "check units, signs, commands, and where the instrument stood",
+                hint=looks.hint if looks else "check units, signs, commands, and where instrument and target stood",
             )
             after = fitted(readings, i)
             if after is None or after.exceeds(limits.READ_LEFT * reach):
