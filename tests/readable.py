@@ -18,4 +18,4 @@ def check_as_they_stand(dataset: gtpin.Dataset) -> None:
     def fitted(some, index, rough=False):
         return None if some is given else Misfit.of(some, near, index)
 
-    check_readable(dataset, given, near, reach_of(nominal.geometry), fitted)
+    check_readable(dataset, given, nominal, near, reach_of(nominal.geometry), fitted)

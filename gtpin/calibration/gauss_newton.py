@@ -244,7 +244,8 @@ def _by_differences(problem: LeastSquares, point: Point, weight: Floats, gradien
 
 
 _HINT = (
-    "check units, the order of columns and the tolerances, whether the poses are the robot's, and whether the instrument "
+    "check units, the order of columns and the tolerances, whether the poses are the robot's, where the target sits, "
+    "and whether the instrument "
     'stood elsewhere (frame = "free")'
 )
 

@@ -47,6 +47,11 @@ def command_names(n_actuators: int) -> list[str]:
     return [f"q{i}" for i in range(1, n_actuators + 1)]
 
 
+def is_own(name: str) -> bool:
+    """Say whether a covariate is none that effects look at, but a column of the user's own."""
+    return _COVARIATE.fullmatch(name) is None
+
+
 def known_lookalike(name: str) -> str | None:
     """The known covariate that a name nearly equals: they differ in case, spaces, dashes or a few letters.
 

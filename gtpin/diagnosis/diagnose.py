@@ -39,7 +39,7 @@ from gtpin.diagnosis.gap import (
     where,
 )
 from gtpin.diagnosis.hypothesis import Hypothesis, Scope
-from gtpin.diagnosis.joint_fit import cause, fit_together
+from gtpin.diagnosis.joint_fit import between_members, cause, fit_together
 from gtpin.diagnosis.jumps import jump_times
 from gtpin.diagnosis.leaders import leaders, left_with
 from gtpin.diagnosis.next_experiment import classes, plan
@@ -364,7 +364,7 @@ def _diagnose(
             jumps=tuple(jumps),
         ),
         baseline=prepared.baseline,
-        model=model,
+        model=replace(model, between_members=between_members(hypotheses, found)),
         set_aside=tuple(dict.fromkeys(str(pose) for pose in recorded.pose[aside])),
         set_aside_rows=tuple(int(line) for line in recorded.row[aside]),
         next_experiment=experiments,

@@ -243,6 +243,34 @@ def cause(
     return Cause(*hypothesis.place, own.probability, tuple(members), parameters, 0.0, found.nature(hypothesis), share)
 
 
+def between_members(hypotheses: HypothesisSet, found: Conclusion) -> Floats | None:
+    """(p, p) covariance of the geometry's parameters between the members of open classes; None where no class is open.
+
+    It is sum of p_k (d_k - d)(d_k - d)' over the members that recorded covariates show: p_k is the probability of a member, d_k
+    are the parameters by the linear fit with it in the place of the cause, and d those with the named causes.
+    """
+    groups, design, geometry = hypotheses.groups, hypotheses.design, hypotheses.design.model.geometry
+    p, sure = len(geometry.parameters), found.sure()
+
+    def parameters(model: Posterior[Term]) -> Floats:
+        ends = np.cumsum(model.widths)[:-1]
+        parts = zip(model.terms, np.split(model.mean, ends), strict=True) if model.terms else ()
+        left = design.y - sum(groups.columns(term) @ mean for term, mean in parts)
+        return groups.marginal.deviation(left)[:p] * geometry.tolerance
+
+    whole, spread = found.model, np.zeros((p, p))
+    for named in (cause for cause in found.classes if cause not in sure):
+        kept = [(term, scale) for term, scale in zip(whole.terms, whole.scale, strict=True) if term != named]
+        taken = {term.place for term, _ in kept if isinstance(term, Hypothesis)}
+        for member in found.classes[named]:
+            instead = [h for h in (member.hypothesis, member.beside) if h is not None and h.place not in taken]
+            if member.recorded and member.hypothesis.place != named.place:
+                terms = [*kept, *((h, 1.0) for h in instead)]
+                off = parameters(hypotheses.of([t for t, _ in terms], [s for _, s in terms])) - parameters(whole)
+                spread += member.probability * np.outer(off, off)
+    return spread if spread.any() else None
+
+
 def _or_beside(
     hypotheses: HypothesisSet,
     model: Posterior[Term],

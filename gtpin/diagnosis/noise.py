@@ -549,9 +549,7 @@ def searchable_rows(prepared: Prepared, priors: Priors) -> Mask:
         used[together] = True
         if len(together):
             named = ", ".join(dict.fromkeys(str(pose) for pose in dataset.pose[together]))
-            warn(
-                f"no gross errors, since they are clustered over a command or a load: the diagnosis uses poses {named}"
-            )
+            warn(f"used again, since what was set aside is clustered over a command or a load: poses {named}")
     return used
 
 

@@ -4,6 +4,7 @@ the drives where they are no parameters: a shifted zero moves all that its drive
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,8 @@ ZERO = TOLERANCE["zero"]
 GAIN = 3.0
 """Gain in log evidence, nats, from which a joint's zero is off by more than the tolerances explain: the prior odds are one in
 twenty joints. Assumed."""
+PARALLEL = 1e-6
+"""Largest difference of the unit vectors of parallel tracks."""
 POSES = 300
 """Largest number of poses at which the TCP is displaced: a root mean square then has a relative standard error of 4 %."""
 
@@ -72,9 +75,7 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
     ``q``: (N, n) commands, m or rad. The derivative of the TCP is taken halfway between the nominal and the calibrated
     geometry, so that displacements are exact to the second order.
     """
-    geometry, covariance = model.geometry, model.covariance
-    if model.joint_covariance is not None:
-        covariance = model.joint_covariance[: len(geometry.parameters), : len(geometry.parameters)]
+    geometry, covariance = model.geometry, model.geometry_covariance
     if covariance is None or geometry.is_nominal:
         return ()
     q = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), POSES)).astype(int))]
@@ -112,6 +113,40 @@ def departures(model: Model, q: Floats) -> tuple[Departure, ...]:
                 what = p.name.partition("[")[0]
                 found.append(Departure(p.name, p.part, what, off, 0.0, p.unit, True, of_held[..., k] * off))
     return tuple(sorted(found, key=lambda one: -one.position_rms))
+
+
+class Difference(NamedTuple):
+    """The difference of one parameter of two parts: their names, value less nominal, standard deviation, and unit."""
+
+    first: str
+    second: str
+    value: float
+    sigma: float
+    unit: str
+
+
+def track_differences(model: Model) -> tuple[Difference, ...]:
+    """Differences of the directions of parallel tracks, which a fit may determine where none is determined by itself: those of
+    parameters that are known relative to others alone; the one with the most sigmas first."""
+    geometry, covariance, robot = model.geometry, model.geometry_covariance, model.robot
+    if covariance is None or geometry.is_nominal:
+        return ()
+    axes = {
+        a.site: robot.model.jointPlacements[a.joint_id].rotation @ joint_axis(robot.model, a.joint_id)[:3]
+        for a in robot.actuators
+        if robot.model.parents[a.joint_id] == 0
+    }
+    relative, found = relative_to_others(model, covariance), list[Difference]()
+    own = [
+        i for i, p in enumerate(geometry.parameters) if relative[i] and p.kind == "track_direction" and p.part in axes
+    ]
+    for i, k in combinations(own, 2):
+        one, other = geometry.parameters[i], geometry.parameters[k]
+        if one.component == other.component and np.abs(axes[one.part] - axes[other.part]).max() < PARALLEL:
+            value = float(geometry.deviation[i] - geometry.deviation[k])
+            variance = float(covariance[i, i] + covariance[k, k] - 2.0 * covariance[i, k])
+            found.append(Difference(one.name, other.name, value, float(np.sqrt(max(variance, 0.0))), one.unit))
+    return tuple(sorted(found, key=lambda one: -abs(one.value) / max(one.sigma, 1e-300)))
 
 
 class ParameterOrZero(NamedTuple):

@@ -76,12 +76,10 @@ def table_with_base(model: Model, *, exact: bool = False) -> tuple[DhParameter, 
 
     Where the place of the measured target was unknown, the tool stays as it is, and the last joint has ``d`` too.
     """
-    geometry, covariance, chain = model.geometry, model.covariance, chain_of(model.robot)
+    geometry, covariance, chain = model.geometry, model.geometry_covariance, chain_of(model.robot)
     size = len(geometry.parameters)
     if not chain or size != 6 * (len(chain) + 1):
         return ()
-    if model.joint_covariance is not None:
-        covariance = model.joint_covariance[:size, :size]
     rows, V, table = _directions(geometry, free_target=model.free_target)
     if not geometry.deviation.any():
         return tuple(DhParameter(*row, 0.0, np.nan, False, way) for row, way in zip(rows, V.T, strict=True))

@@ -119,6 +119,9 @@ class Model:
     joint_covariance
         (p + m, p + m) posterior covariance of the p parameters of the geometry, then the m coefficients of all effects in the
         order of ``effects``. None where it is not known, or there are no effects.
+    between_members
+        (p, p) covariance of the geometry's parameters between the members of open classes, each in the place of its cause:
+        the other covariances hold with ``effects``. None where no class is open.
     fit
         Noise and temperatures of the poses that the model was fitted to; None where they are not known.
     unexplained
@@ -144,6 +147,7 @@ class Model:
     fit: FitConditions | None = None
     unexplained: ModelDiscrepancy | None = None
     doubt: str = ""
+    between_members: Floats | None = None
 
     def __repr__(self) -> str:
         effects = ", ".join(active.name for active in self.effects) or "none"
@@ -243,9 +247,17 @@ class Model:
                 ),
                 covariance=np.zeros_like(known),
                 joint_covariance=None,
+                between_members=None,
             )
             for x in draws(mean, covariance, n, rng)
         )
+
+    @property
+    def geometry_covariance(self) -> Floats | None:
+        """(p, p) covariance of the geometry's parameters, whichever member of an open class is the cause; None if nominal."""
+        p = len(self.geometry.parameters)
+        own = self.covariance if self.joint_covariance is None else self.joint_covariance[:p, :p]
+        return own if own is None or self.between_members is None else own + self.between_members
 
     @property
     def targets(self) -> dict[str, pin.SE3]:
@@ -304,8 +316,14 @@ class Model:
             found[own, own] = geometry.tolerance[tool] ** 2
             return found
 
-        joint = independent(self.joint_covariance)
-        return replace(self, geometry=geometry, covariance=independent(self.covariance), joint_covariance=joint)
+        joint, between = independent(self.joint_covariance), self.between_members
+        return replace(
+            self,
+            geometry=geometry,
+            covariance=independent(self.covariance),
+            joint_covariance=joint,
+            between_members=between if between is None else between * np.outer(~tool, ~tool),
+        )
 
     seen = renamed("seen", "in_instrument_frame")
 

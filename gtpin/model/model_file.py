@@ -73,6 +73,7 @@ class ModelFile(Record):
         "held",
         "widened",
         "joint_covariance",
+        "between_members",
         "fit",
         "unexplained",
         "doubt",
@@ -92,6 +93,7 @@ class ModelFile(Record):
     held: dict[str, Finite] = Field(default_factory=dict)
     covariance: list[list[Finite]] | None = None
     joint_covariance: list[list[Finite]] | None = None
+    between_members: list[list[Finite]] | None = None
     fit: FitRecord | None = None
     unexplained: UnexplainedRecord | None = None
     doubt: str = ""

@@ -146,6 +146,7 @@ def _content(model: Model) -> ModelFile:
         held={p.name: value for p, value in geometry.held},
         covariance=_listed(model.covariance),
         joint_covariance=_listed(model.joint_covariance),
+        between_members=_listed(model.between_members),
         fit=None if model.fit is None else FitRecord(**asdict(model.fit)),
         unexplained=None if model.unexplained is None else UnexplainedRecord(**asdict(model.unexplained)),
         doubt=model.doubt,
@@ -253,12 +254,13 @@ def _read_folder(folder: Path, own: Mapping[str, Effect]) -> Model:
         covariance = _covariance(content.covariance, order, "covariance", len(order))
         whole = [*order, *range(len(order), size)]
         joint = _covariance(content.joint_covariance, whole, "joint_covariance", len(order))
+        between = _covariance(content.between_members, order, "between_members", len(order))
     except GtpinError as error:
         raise ModelError(error.what, file=file, column=error.column, hint=AGAIN) from None
     effects = _effects(content, geometry, file, own)
     fit = None if content.fit is None else FitConditions(**content.fit.model_dump())
     unexplained = None if content.unexplained is None else ModelDiscrepancy(**content.unexplained.model_dump())
-    return Model(geometry, frame, effects, covariance, instruments, joint, fit, unexplained, content.doubt)
+    return Model(geometry, frame, effects, covariance, instruments, joint, fit, unexplained, content.doubt, between)
 
 
 def _effects(content: ModelFile, geometry: Geometry, file: Path, own: Mapping[str, Effect]) -> tuple[ActiveEffect, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.result import Calibration
-from gtpin.model.departures import departures
+from gtpin.model.departures import departures, track_differences
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
 from gtpin.report.calibration_text import (
@@ -25,7 +25,7 @@ from gtpin.report.calibration_text import (
     unseen_words,
     visits_over_declared,
 )
-from gtpin.report.geometry import geometry_line, geometry_table
+from gtpin.report.geometry import geometry_line, geometry_table, point_of
 from gtpin.report.page import Lead, Table, provenance
 from gtpin.report.sections import FitPresentation
 from gtpin.report.sections.parameters import parameter_table
@@ -58,17 +58,17 @@ class CalibrationPresentation(FitPresentation):
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, and what to do."""
         c, q = self.calibration, self.dataset.q
-        found = () if c.model.doubt else departures(c.model, q)
+        found, apart = ((), ()) if c.model.doubt else (departures(c.model, q), track_differences(c.model))
         tone, badge, headline, advice = _verdict(c)
         return Lead(
             f"{self.title} · {len(c.names)} parameters from {c.poses} measurements",
-            "\n".join(filter(None, (geometry_line(found), headline))),
+            "\n".join(filter(None, (geometry_line(found, apart, point_of(c.model)), headline))),
             [*advice, *elsewhere(c), *exact_scales(c)],
             _numbers(c),
             badge,
             tone,
             drawing(c.model, q.mean(axis=0)),
-            content=geometry_table(found),
+            content=geometry_table(found, point_of(c.model)),
             steps=calibration_steps(c),
             warnings=c.warnings,
         )

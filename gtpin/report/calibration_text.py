@@ -87,7 +87,7 @@ def best_frame(c: Calibration) -> str:
     trackers = [one.table for one in c.model.instruments if isinstance(one.table, TrackerTable)]
     free = not c.model.frame.is_base or any(table.frame == "free" for table in trackers)
     if free:
-        return " after the best fit of the frame"
+        return f" after the best fit of the frame{' and the target' * bool(c.model.free_target)}"
     return " after the best fit of the instruments' unknowns" if c.unknowns else ""
 
 

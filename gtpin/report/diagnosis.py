@@ -13,6 +13,7 @@ import numpy as np
 from gtpin.diagnosis.result import Cause, Diagnosis, Gap, HealthCheck, Member
 from gtpin.effects.sites import joints
 from gtpin.errors import GtpinError
+from gtpin.model.departures import departures, track_differences
 from gtpin.model.model import Model
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import fields, json_text
@@ -20,7 +21,7 @@ from gtpin.report.calibration import UNKNOWN
 from gtpin.report.calibration_text import IN_DOUBT, best_frame, nominal_words
 from gtpin.report.effect_curves import curve_drawing, drawn_curves
 from gtpin.report.figure import alone
-from gtpin.report.geometry import departures_of, geometry_line, geometry_table
+from gtpin.report.geometry import geometry_line, geometry_table, point_of
 from gtpin.report.next_experiment import FOLDER, write_experiments
 from gtpin.report.page import Lead, Table, provenance
 from gtpin.report.phrases import cause_rows, named, parameter_rows, reason_words
@@ -66,21 +67,26 @@ class DiagnosisPresentation(FitPresentation):
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, the causes, and what to do."""
         d = self.diagnosis
-        doubt = d.baseline.model.doubt
-        said, found = verdict(d), () if doubt else departures_of(d)
+        doubt, point = d.baseline.model.doubt, point_of(d.model)
+        said, found = verdict(d), () if doubt else departures(d.model, d.dataset.q)
         # Without a gap, a free motion of a part explains nothing.
         shares = () if d.verdict == "none" else (d.where.site, [c.site for c in d.causes])
         head = ("cause", "probability", "parameters", "part of the gap")
         return replace(
             said,
-            headline="\n".join(filter(None, (IN_DOUBT if doubt else geometry_line(found), said.headline))),
+            headline="\n".join(
+                filter(
+                    None,
+                    (IN_DOUBT if doubt else geometry_line(found, track_differences(d.model), point), said.headline),
+                )
+            ),
             advice=[*([f"{doubt[:1].upper()}{doubt[1:]}."] if doubt else []), *said.advice],
             numbers=_numbers(d),
             sketch=drawing(d.model, d.dataset.q.mean(axis=0), *shares),
             caption=f"{SHADES}{' Blue: the sites of the causes.' if d.causes else ''}" if shares else "",
             content=[
                 *why_content(d),
-                *geometry_table(found),
+                *geometry_table(found, point),
                 *([Table(head, cause_rows(d), (1,), wide=(0, 2))] if d.causes else []),
             ],
             steps=steps(d),
@@ -180,7 +186,7 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
     none, where, unexplained, best = d.verdict == "none", d.where, d.unexplained, d.unexplained.best_known
     geometry = [
         fields(one, "value", "sigma", "unit", "position_rms") | {"parameter": one.name}
-        for one in (departures_of(d) if isinstance(d, Diagnosis) else ())
+        for one in (departures(d.model, d.dataset.q) if isinstance(d, Diagnosis) else ())
     ]
     regions = [{"box": np.asarray(box).tolist(), "share": share} for box, share in where.region]
     return {

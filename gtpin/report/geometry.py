@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtpin.diagnosis.priors import SURE
-from gtpin.diagnosis.result import Diagnosis
-from gtpin.model.departures import Departure, departures, size_of
+from gtpin.model.departures import Departure, Difference, size_of
+from gtpin.model.model import Model
 from gtpin.report.page import Table
 from gtpin.report.words import counted, joined, length, quantity
 
@@ -17,14 +16,13 @@ SHOWN = 5
 CLEAR = 3.0
 """Number of sigmas from which a departure is shown by name on a first screen: one of 50 parameters, as those of the Gantry-Tau,
 is beyond 3 sigmas by chance in 13 % of machines, beyond 2 in 90 %."""
+APART = 2
+"""Number of differences between tracks on a first screen."""
 SMALL = 0.02
 """Smallest displacement, over the largest, of a departure on a first screen."""
 MOST = 0.5
 """Largest share of the squared displacement that all others may leave where it is ascribed to one parameter. Parameters can
 compensate each other, so that one of them may displace the TCP by more than all together."""
-KEPT = 0.5
-"""Largest ratio of the largest determined departure with open causes to that without them, where they take it up. Assumed."""
-HEAD = ("parameter", "change from nominal", "at the TCP, RMS")
 WORDS = {
     "zero": "zero of {site}",
     "a": "length a of {site}",
@@ -49,17 +47,6 @@ COMMON = {
     "base_joint": "shift of all joints on the base",
 }
 """Common motions of parameters of several parts, in words."""
-
-
-def departures_of(d: Diagnosis) -> tuple[Departure, ...]:
-    """The departures that a diagnosis found, with its causes. Where an open cause takes up the largest one (it moves the TCP as
-    a wrong zero does, for example), those of the geometry alone."""
-    found = departures(d.model, d.dataset.q)
-    if all(cause.probability >= SURE for cause in d.causes):
-        return found
-    alone = departures(d.baseline.model, d.dataset.q)
-    size, size_alone = (max((one.position_rms for one in clear(some)), default=0.0) for some in (found, alone))
-    return found if size > KEPT * size_alone else alone
 
 
 def departure_words(one: Departure) -> str:
@@ -93,8 +80,17 @@ def clear(found: Sequence[Departure]) -> list[Departure]:
     return [one for one in known if one.position_rms > SMALL * known[0].position_rms][:SHOWN]
 
 
-def geometry_table(found: Sequence[Departure]) -> list[Table]:
-    """The largest departures, and all others together; empty of a nominal geometry."""
+def point_of(model: Model) -> str:
+    """What the displacements of a model's departures are of: the TCP, or a target whose place on the platform is free."""
+    return "target" if model.free_target else "TCP"
+
+
+def _head(point: str) -> tuple[str, str, str]:
+    return "parameter", "change from nominal", f"at the {point}, RMS"
+
+
+def geometry_table(found: Sequence[Departure], point: str = "TCP") -> list[Table]:
+    """The largest departures, and all others together; empty of a nominal geometry. ``point``: as :func:`point_of` has it."""
     named = clear(found)
     rows = [[departure_words(one), change_words(one), length(one.position_rms)] for one in named]
     others = [one for one in found if one not in named]
@@ -103,42 +99,47 @@ def geometry_table(found: Sequence[Departure]) -> list[Table]:
         whole = size_of(np.sum([one.displacement for one in found], axis=0))
         rows += [["all others together", "", length(together)]] if named else []
         rows.append(["all parameters together", "", length(whole)])
-    return [Table(HEAD, rows, (1, 2))] if rows else []
+    return [Table(_head(point), rows, (1, 2))] if rows else []
 
 
-def geometry_line(found: Sequence[Departure]) -> str:
+def geometry_line(found: Sequence[Departure], apart: Sequence[Difference] = (), point: str = "TCP") -> str:
     """Which parameters make the error of the nominal geometry, in a sentence, and of which only differences are known; empty of
-    a nominal geometry."""
+    a nominal geometry. ``apart``: such differences, of which those that are determined are named. ``point``: as
+    :func:`point_of` has it."""
     common = dict.fromkeys(COMMON[one.what] for one in clear(found) if one.relative and one.what in COMMON)
     relative = (
         f" A common {joined(list(common))} is not determined: only differences between them are." if common else ""
     )
-    return _largest(found) + relative if found else ""
+    named = {one.name for one in clear(found)}
+    apart = [one for one in apart if abs(one.value) > CLEAR * one.sigma and not {one.first, one.second} <= named]
+    said = [f"{d.first} less {d.second} {quantity(d.value, d.unit, d.sigma)}" for d in apart[:APART]]
+    known = f" Determined between tracks, and of none alone: {joined(said)}." if said else ""
+    return _largest(found, point) + relative + known if found else ""
 
 
-def _largest(found: Sequence[Departure]) -> str:
+def _largest(found: Sequence[Departure], point: str) -> str:
     """Which parameters make the error of the nominal geometry, in a sentence."""
     named, whole = clear(found), size_of(np.sum([one.displacement for one in found], axis=0))
     if not named:
         return (
-            f"Geometry: {length(whole)} at the TCP by {counted(len(found), 'parameter')}; these data determine none of them "
-            "alone."
+            f"Geometry: {length(whole)} at the {point} by {counted(len(found), 'parameter')}; these data determine none of "
+            "them alone."
         )
     first = named[0]
     what, size = f"{departure_words(first)}, {change_words(first)}", length(first.position_rms)
     left = size_of(np.sum([one.displacement for one in found if one is not first], axis=0)) if found[1:] else 0.0
     if left**2 < MOST * whole**2:
-        return f"Geometry: {what}: {size} at the TCP."
+        return f"Geometry: {what}: {size} at the {point}."
     return (
-        f"Geometry: its parameters move the TCP by {length(whole)} together. The largest that these data determine: {what} "
+        f"Geometry: its parameters move the {point} by {length(whole)} together. The largest that these data determine: {what} "
         f"({size} alone)."
     )
 
 
-def all_departures(found: Sequence[Departure]) -> Table:
+def all_departures(found: Sequence[Departure], point: str = "TCP") -> Table:
     """All departures, with what the data do not determine marked."""
     rows = [
         [departure_words(one), change_words(one) if one.determined else "not determined", length(one.position_rms)]
         for one in found
     ]
-    return Table(HEAD, rows, (1, 2))
+    return Table(_head(point), rows, (1, 2))

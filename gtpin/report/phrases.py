@@ -188,7 +188,8 @@ def _in_words(name: str) -> str:
     """The name of a parameter of an effect; ``end_to_end[2]`` is the change along the range of the second other drive."""
     words, _, number = name.replace("_", " ").rstrip("]").partition("[")
     if words != "end to end" or not number:
-        return TWO_AXES.get(name, name.replace("_", " "))
+        plain, _, last = name.rpartition("_")
+        return f"{plain} ({last})" if last.isdigit() else TWO_AXES.get(name, name.replace("_", " "))
     return f"{ORDINALS.get(number, f'{number}th')} other drive"
 
 

@@ -16,7 +16,7 @@ from gtpin.errors import unheard
 from gtpin.model.dh import chain_of
 from gtpin.model.model import Model
 from gtpin.model.place import movers
-from gtpin.report.calibration_text import lost
+from gtpin.report.calibration_text import cannot_judge, lost
 from gtpin.report.page import Step
 from gtpin.report.phrases import named
 from gtpin.report.verdict import beyond_chance, scattered, too_few, worse_than_nominal
@@ -73,7 +73,8 @@ def calibration_steps(c: Calibration) -> list[Step]:
     if c.explained and lost(c):
         return [MEASURE]
     cause = Step("The causes of the errors that are left:", "gtpin diagnose DATASET -o diagnosis")
-    return [*([] if c.explained else [cause]), *geometry_steps(c.model, c.explained)]
+    judged = c.explained and not cannot_judge(c)
+    return [*([] if judged else [cause]), *geometry_steps(c.model, c.explained)]
 
 
 def check_steps(check: HealthCheck) -> list[Step]:

@@ -8,6 +8,7 @@ from operator import attrgetter
 
 import numpy as np
 
+from gtpin.data.names import is_own
 from gtpin.diagnosis.priors import CLASS_SHARE, PRIORS
 from gtpin.diagnosis.result import Cause, Considered, Correlate, Diagnosis, Findings, Gap, InstrumentGap
 from gtpin.diagnosis.trials import kind
@@ -57,7 +58,7 @@ def verdict(d: Diagnosis) -> Lead:
     return Lead(
         f"Diagnosis of {d.model.robot.name} · {len(d.dataset)} measurements",
         "\n".join(headline),
-        [words for words in (*advice, *also(d), agreed(d), *questions(d), untested(d)) if words],
+        [words for words in (*advice, *also(d), agreed(d), undeclared(d), *questions(d), untested(d)) if words],
         badge=badge(d) or ("too few poses" if too_few(d) else "geometry alone"),
         tone="warn" if may_hide(d) or scattered(d) or too_few(d) else TONES[d.verdict],
     )
@@ -105,6 +106,16 @@ def agreed(d: Diagnosis) -> str:
     agree = d.causes and d.noise_source == "declared" and d.noise_ratio == 1.0
     words = "With the causes, repeated visits agree with the declared noise."
     return words if agree and visits_over_declared(d.baseline) > 1.0 else ""
+
+
+def undeclared(d: Diagnosis) -> str:
+    """Where no sigma is declared, that the noise is that of repeated visits, with the machine's scatter in it; else empty."""
+    if d.baseline.noise.source != "repeats" or not d.baseline.noise.estimated.all() or any(overruled(d.baseline)):
+        return ""
+    return (
+        "No sigma is declared: the noise is that of repeated visits, and the scatter of the machine is in it. "
+        "Declare the sigma in dataset.toml for what is expected of the machine alone."
+    )
 
 
 def untested(found: Findings) -> str:
@@ -210,6 +221,16 @@ def questions(d: Diagnosis) -> list[str]:
     return found
 
 
+def anywhere(d: Diagnosis) -> list[str]:
+    """The sites, in words, of which none explains the gap clearly better: more than a headline names; else empty."""
+    shares = {} if d.causes else d.where.site
+    least = NEARLY * max(shares.values(), default=0.0)
+    alike = [
+        site_words(site) for site, share in sorted(shares.items(), key=lambda one: -one[1]) if share >= least > 0.0
+    ]
+    return alike if len(alike) > PLACES else []
+
+
 def _moves(near: Sequence[Correlate], s: str) -> str:
     """What an unknown error displaces, and on what it depends, of each of some that are about equally probable; ``s`` ends the
     verbs."""
@@ -242,6 +263,12 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
         near = [one for one in d.unexplained.correlates if one.odds >= CLASS_SHARE][:PLACES]
         headline = f"Unknown, {left}: {what} {_moves(near, 's')}."
         look = f"Look for what could {_moves(near, '')}; the plots show how. Don't compensate it as one of the known effects."
+        if alike := anywhere(d):
+            headline = f"Unknown, {left}: {what}. These data do not show where it acts."
+            look = (
+                f"Motions of {joined(alike, 'or')} explain it about equally well, {_moves(near[:1], 's').partition(' ')[2]} "
+                "best. Don't compensate it as one of the known effects."
+            )
     else:
         headline = f"Unknown, {left}: {what}."
         look = (
@@ -249,7 +276,7 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
             "known effects."
         )
     moved = "The unknown error can change the parameters of the geometry by more than their sigmas."
-    advice = [nearest(d), look, *_jumping(d), *doubt_words(d.doubts), *could_be(d), moved]
+    advice = [nearest(d), look, *unused_columns(d), *_jumping(d), *doubt_words(d.doubts), *could_be(d), moved]
     lines = cause_lines(d, most=1)
     if lines:
         headline = f"Also {headline[:1].lower()}{headline[1:]}"
@@ -257,6 +284,20 @@ def _unknown(d: Diagnosis) -> tuple[list[str], list[str]]:
     else:
         advice.append("The corrected model has the calibrated geometry alone: no known effect is probable enough.")
     return [*lines, headline], advice
+
+
+def unused_columns(d: Diagnosis) -> list[str]:
+    """That columns which no effect looks at could drive the unknown error, and how to test one; empty where there is none."""
+    tested = {driver.column for driver in d.dataset.drivers}
+    columns = [name for name in d.dataset.covariates if is_own(name) and name not in tested]
+    columns = [name for name in columns if np.ptp(np.asarray(d.dataset.covariates[name], dtype=float)) > 0.0]
+    if not columns:
+        return []
+    place = d.unexplained.correlates[0].site if d.unexplained.correlates else "SITE"
+    return [
+        f"No effect looks at {joined(columns, 'or')}. If it may act on the machine, declare it in dataset.toml, and diagnose "
+        f'again: [[driver]] with column = "{columns[0]}", site = "{place}", motion (x, y, z, rx, ry, rz or q) and size.'
+    ]
 
 
 def _jumping(d: Diagnosis) -> list[str]:

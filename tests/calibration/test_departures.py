@@ -15,7 +15,7 @@ from urdfs import crossing, joint, loop, own, urdf
 import gtpin
 from gtpin.data import InstrumentSection
 from gtpin.model.departures import departures, size_of
-from gtpin.report.geometry import change_words, departure_words, departures_of
+from gtpin.report.geometry import change_words, departure_words
 
 FIVE_BAR = str(Path(__file__).parents[2] / "examples" / "loops" / "five_bar.urdf")
 FIELD = str(Path(__file__).parents[2] / "examples" / "field" / "five_bar" / "five_bar.urdf")
@@ -80,7 +80,7 @@ def test_a_first_screen_names_the_zero_whatever_cause_is_open() -> None:
     )
     section = InstrumentSection(position_sigma=NOISE)
     found = gtpin.diagnose(gtpin.Dataset(FIVE_BAR, [str(i) for i in range(60)], q, T, instrument=section))
-    first = departures_of(found)[0]
+    first = departures(found.model, found.dataset.q)[0]
     assert first.name == "zero[drive_right]"
     assert abs(first.value - off[1]) < 4.0 * first.sigma
     assert first.position_rms > 0.5 * found.baseline.by_instrument[0].before

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
@@ -23,6 +24,7 @@ from gtpin.effects.catalogue import effects_by_id
 from gtpin.errors import DatasetError, GtpinWarning
 from gtpin.instruments.frame_and_target import frame_and_target
 from gtpin.kinematics.poses import Poses
+from gtpin.output.shown import present
 from gtpin.robot.chain import moving_links
 from gtpin.robot.description import RobotDescription
 
@@ -297,3 +299,23 @@ def test_of_a_robot_that_does_not_turn_the_frame_takes_up_the_whole_target() -> 
     found = frame_and_target(plain, data.position, None)
     assert found.unseen.shape == (3, 3)
     assert np.linalg.norm(found.at) < 1e-3
+
+
+@pytest.mark.parametrize("target", ["free", "tcp"])
+def test_displacements_are_said_to_be_of_the_target_where_its_place_is_free(target: Literal["free", "tcp"]) -> None:
+    """They differ from those of the tool: a zero of the last wrist joint moves what sits aside from its axis more."""
+    rng = np.random.default_rng(3)
+    q, off = FOLDED + rng.uniform(-0.8, 0.8, (60, 6)), np.deg2rad([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    seen = gtpin.Model(gtpin.Geometry.nominal(ROBOT)).predict(q + off)
+    turned = [pin.exp3(1e-4 * rng.standard_normal(3)) @ R for R in seen.R]
+    wxyz = np.array([pin.Quaternion(R).coeffs()[[3, 0, 1, 2]] for R in turned])
+    section = InstrumentSection(position_sigma=NOISE, orientation_sigma=1e-4, frame="free", target=target)
+    T = seen.T + NOISE * rng.standard_normal(seen.T.shape)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GtpinWarning)
+        found = gtpin.calibrate(Dataset("ur5", [str(i) for i in range(60)], q, T, wxyz, instrument=section))
+    lead = present(found).lead
+    point = "target" if target == "free" else "TCP"
+    assert f"at the {point}" in lead.headline
+    assert f"at the {point}, RMS" in lead.content[0].head
+    assert ("the frame and the target" in str(lead.numbers)) is (target == "free")

@@ -11,8 +11,9 @@ import pytest
 from gtpin.diagnosis.result import BestKnown, Considered, Correlate, Leader, Member
 from gtpin.effects.untestable import Untestable
 from gtpin.estimate import Estimate
+from gtpin.report.calibration_text import cannot_judge
 from gtpin.report.phrases import cause_rows
-from gtpin.report.steps import steps
+from gtpin.report.steps import calibration_steps, steps
 from gtpin.report.verdict import could_be, nearest, verdict
 
 pytestmark = pytest.mark.slow  # two diagnoses
@@ -154,6 +155,43 @@ def test_places_of_an_unknown_cause_that_are_equally_probable_are_all_named(find
         in said
     )
     assert "platform" not in said
+
+
+def test_an_unknown_cause_that_many_sites_explain_alike_has_no_place(findings):
+    found = findings["unknown"]
+    flat = {"cart1": 0.149, "link1": 0.148, "cart2": 0.145, "arm": 0.131, "link2a": 0.07}
+    said = verdict(replace(found, where=replace(found.where, site=flat)))
+    assert "These data do not show where it acts" in said.headline
+    assert "cart1" not in said.headline
+    assert "Motions of cart1, link1, cart2 or all links explain it about equally well" in " ".join(said.advice)
+
+
+def test_a_column_that_no_effect_looks_at_is_named_where_something_is_unknown(findings):
+    found = findings["unknown"]
+    filled = np.linspace(0.0, 100.0, len(found.dataset))
+    columns = {"tank": filled, "still": 0.0 * filled}
+    read = replace(found, dataset=replace(found.dataset, covariates={**found.dataset.covariates, **columns}))
+    assert "No effect looks at tank." in words(read)
+    assert '[[driver]] with column = "tank", site = "cart1"' in words(read)
+    assert "No effect looks at" not in words(found)
+
+
+def test_where_no_sigma_is_declared_a_diagnosis_asks_for_it(findings):
+    found = findings["explained"]
+    noise = found.baseline.noise
+    repeats = replace(noise, source="repeats", estimated=np.ones_like(noise.estimated))
+    section = found.dataset.instrument.model_copy(update={"position_sigma": None, "orientation_sigma": None})
+    bare = replace(found.baseline, noise=repeats, dataset=replace(found.baseline.dataset, instrument=section))
+    assert "Declare the sigma in dataset.toml" in words(replace(found, baseline=bare))
+    assert "Declare the sigma in dataset.toml" not in words(found)
+
+
+def test_a_calibration_that_can_not_be_judged_is_followed_by_a_diagnosis(findings):
+    found = findings["explained"].baseline
+    noise = replace(found.noise, source="residuals", estimated=np.ones_like(found.noise.estimated))
+    unjudged = replace(found, noise=noise)
+    assert cannot_judge(unjudged)
+    assert any("gtpin diagnose" in step.command for step in calibration_steps(unjudged))
 
 
 def test_causes_that_are_sure_beside_an_unknown_one_are_told(findings):

@@ -230,3 +230,9 @@ def test_a_coupling_is_told_by_the_drive_that_it_goes_with() -> None:
     assert parameter("end_to_end", -3e-4, "rad")[0] == "end to end"
     said = size_words({"end_to_end[1]": Estimate(-3e-4, 1e-5, "rad")})
     assert said == "1st other drive −300\u00a0µrad"
+
+
+def test_the_number_of_a_line_is_told_from_its_value() -> None:
+    """Not ``periods a turn 2 175.1``, which reads as 2175.1."""
+    assert parameter("period_2", 2.0 * math.pi / 175.0, "rad")[0] == "periods a turn (2)"
+    assert parameter("amplitude_3", 1e-5, "rad")[0] == "amplitude (3)"

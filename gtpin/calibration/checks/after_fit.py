@@ -221,7 +221,7 @@ def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit, *, doubt: b
             return None
         return Misfit.of(other.problem.readings(other.point.x), other.point.poses, index)
 
-    check_readable(given, readings, near, reach, misfit)
+    check_readable(given, readings, fit.whole.start, near, reach, misfit)
     with explained(readings, near):
         credible, settled = with_credible_noise(fit, settled_or_explained(fit))
     fitted = settled.fit.problem.readings(settled.fit.point.x)

@@ -6,7 +6,7 @@ This includes positions that are in another unit than metres in a part of the ro
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -156,8 +156,8 @@ def check_other_readings(
     fit of them has failed.
     """
     instrument, measured = dataset.instrument, measured_poses(dataset.take(rows))
-    free, target = instrument.frame == "free", instrument.target == "free"
-    looks = recognised(nominal, poses[rows], measured, free=free, free_target=target, failed=failed)
+    target: Literal["free"] | None = "free" if instrument.target == "free" else None
+    looks = recognised(nominal, poses[rows], measured, free=instrument.frame == "free", target=target, failed=failed)
     if looks is None:
         return
     error = DatasetError(looks.looks, file=dataset.file, column=looks.columns, hint=looks.hint)

@@ -90,7 +90,8 @@ def one_mistake(revolute: Mask) -> Iterator[CommandReading]:
         looks = f"{names[i]} and {names[j]} look swapped"
         yield CommandReading(f"{names[i]} {names[j]}", (looks,), ("swap them",), one[order])
     if count > 2:
-        yield CommandReading(everything, ("q1 .. qn look to be in reverse order",), ("reverse them",), one[::-1])
+        if count > 3:  # of three, the first and the last are swapped
+            yield CommandReading(everything, ("q1 .. qn look to be in reverse order",), ("reverse them",), one[::-1])
         for by in (1, -1):
             order = np.roll(range(count), by)
             assigned = ", ".join(f"{names[i]} = {names[j]}" for i, j in enumerate(order))
@@ -144,7 +145,8 @@ def _of_two(
 class CommandSearch:
     """Fits zeros, with the frame and the target where these are free, to measured poses.
 
-    ``size``: size of the workspace, m: angles times this are compared with lengths.
+    ``size``: size of the workspace, m: angles times this are compared with lengths. ``at``: (3,) place of the target, TCP
+    frame, m; of a free target the first guess.
     """
 
     kinematics: Kinematics
@@ -152,6 +154,7 @@ class CommandSearch:
     size: float
     free_frame: bool
     free_target: bool
+    at: Floats
 
     def found(self, readings: Iterable[CommandReading]) -> Iterator[tuple[float, CommandReading, Floats]]:
         """The readings that come nearest to the measured poses: misfit, m, reading, and zeros z (n,), m or rad."""
@@ -209,7 +212,7 @@ class CommandSearch:
         p, turned = np.nan_to_num(p[good]), np.where(reached[..., None, None], turned[good], np.eye(3))
         far = np.linalg.norm(T - np.median(T, axis=0), axis=1)
         weight = (reached & (far <= limits.GROSS * np.median(far)))[..., None].astype(float)
-        F, f, t = np.broadcast_to(np.eye(3), (len(p), 3, 3)), np.zeros((len(p), 1, 3)), np.zeros((len(p), 1, 3))
+        F, f, t = np.broadcast_to(np.eye(3), (len(p), 3, 3)), np.zeros((len(p), 1, 3)), np.tile(self.at, (len(p), 1, 1))
         for _ in range(rounds):
             weight = weight / weight.sum(axis=1, keepdims=True)
             at = p + (turned @ t[..., None])[..., 0]

@@ -12,8 +12,9 @@ import numpy as np
 
 from gtpin.calibration.checks import limits
 from gtpin.calibration.checks.readings import UNITS
+from gtpin.calibration.checks.recognise import Interpretation, recognised
 from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
-from gtpin.calibration.problem import with_unknowns
+from gtpin.calibration.problem import Measured, with_unknowns
 from gtpin.data import Dataset
 from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import (
@@ -25,14 +26,16 @@ from gtpin.data.instrument_tables import (
     TiltTable,
     TrackerTable,
 )
-from gtpin.data.names import ORIENTATION
+from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings, instruments_of
 from gtpin.instruments.socket import Socket
 from gtpin.kinematics.poses import Poses
+from gtpin.kinematics.rotations import from_quaternions
+from gtpin.model.model import Model
 from gtpin.robot.chain import Chain
 
-LOOK = "check the order of q1 .. qn, that rows have their own commands, units, and where the instrument stood"
+LOOK = "check the order of q1 .. qn, that rows have their own commands, units, and where instrument and target stood"
 """What the user should do where no usual mistake explains the readings."""
 LENGTHS: dict[type[InstrumentTable], tuple[str, ...]] = {
     TrackerTable: ("x", "y", "z"),
@@ -179,13 +182,18 @@ def _in_unit(at: Any, factor: float) -> Any:
 
 
 def check_readable(
-    dataset: Dataset, readings: Readings, poses: Poses, reach: float, fitted: Callable[..., Misfit | None]
+    dataset: Dataset,
+    readings: Readings,
+    nominal: Model,
+    poses: Poses,
+    reach: float,
+    fitted: Callable[..., Misfit | None],
 ) -> None:
     """Suspect readings whose errors relative to the nominal robot are larger than its tolerances allow.
 
-    ``readings``: with the unknowns' values that fit best. ``poses``: (N) nominal poses, base frame. ``reach``: largest
-    displacement of the TCP by deviations within the tolerances, m. ``fitted``: gives the misfit of an instrument, of
-    readings and its index, after a fit of the geometry (a rough one with ``rough=True``); None where it fails.
+    ``readings``: with the unknowns' values that fit best. ``nominal``, ``poses``: the nominal robot, and its poses (N), base
+    frame. ``reach``: largest displacement of the TCP by deviations within the tolerances, m. ``fitted``: gives the misfit of an
+    instrument, of readings and its index, after a fit of the geometry (a rough one with ``rough=True``); None where it fails.
 
     Raises `DatasetError` if such readings can't be fitted; it names the unit or the sign with which they can, where there
     is one. Warns: if they can be fitted as they are.
@@ -206,16 +214,37 @@ def check_readable(
             suspect(error, dataset, _size(fitted(readings, i, True)), _size(fitted(read, i, True)))
         elif now.exceeds(reach):
             check_heights(dataset, readings, poses, reach, fitted)
+            looks, what = (
+                _recognised(readings, nominal, poses, i),
+                f"readings of {one.name} are {now} off what the nominal",
+            )
             error = DatasetError(
-                f"readings of {one.name} are {now} off what the nominal robot gives",
+                f"{what} robot gives{f': {looks.looks}' if looks else ''}",
                 file=file,
-                hint="check units, signs, commands, and where the instrument stood",
+                column=looks.columns if looks else None,
+                hint=looks.hint if looks else "check units, signs, commands, and where instrument and target stood",
             )
             after = fitted(readings, i)
             if after is None or after.exceeds(limits.READ_LEFT * reach):
                 refuse(error, dataset)
             else:
                 warn(str(error))
+
+
+def _recognised(readings: Readings, nominal: Model, poses: Poses, index: int) -> Interpretation | None:
+    """The usual mistake in commands or poses with which the readings of a tracker of a single target fit the nominal robot."""
+    rows, table = readings.rows, readings.rows.tables[index]
+    mine = rows.rows_of(index)
+    if not isinstance(table, TrackerTable) or table.stations or table.targets or (rows.component[mine] >= 0).any():
+        return None
+    T, quaternions = (
+        np.column_stack([rows.columns[name][mine] for name in names]) if names[0] in rows.columns else None
+        for names in (POSITION, ORIENTATION)
+    )
+    assert T is not None
+    measured = Measured(readings.q[mine], T, None if quaternions is None else from_quaternions(quaternions))
+    target = None if table.target == "tcp" else table.target
+    return recognised(nominal, poses[mine], measured, free=table.frame == "free", target=target)
 
 
 def check_heights(

@@ -79,7 +79,8 @@ def with_wider_tolerances(settled: FitState, found: PriorConflict) -> Geometry:
 def without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
     """The result of the fit; if the priors contradict the data, repeated with wider tolerances or a free frame.
 
-    Warns: of this. Where a target that is not where it is declared explains the contradiction better, only of the target.
+    Warns: of this. Where a target that is not where it is declared explains the contradiction, or residuals that exceed the
+    noise, better, only of the target.
     Tolerances are not widened where a part would then be farther off than of any machine, and the geometry without this leaves
     less than most mistakes do. A soft rod is an example: joints that sit elsewhere can take up what it gives way.
     """
@@ -91,7 +92,7 @@ def without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
             kept = f"with wider tolerances it would move {far}, so the tolerances are kept"
             warn(f"{UNEXPLAINED}: {kept}")
             return without_prior_conflict(within, plain)
-    if text and (doubt := _elsewhere_on_platform(fit, admitted)):
+    if (text or _target_may_explain(admitted)) and (doubt := _elsewhere_on_platform(fit, admitted, fits=not text)):
         warn(doubt)
         return replace(admitted, doubt=doubt)
     anywhere, told = about_track(settled.fit.point.model.geometry), zeros_off(admitted) in text
@@ -147,8 +148,37 @@ def _admitted(fit: RobustFit, settled: FitState) -> tuple[FitState, str]:
     return relaxed, f"the nominal model is not this machine: {deviation}; {admit}"
 
 
-def _elsewhere_on_platform(fit: RobustFit, admitted: FitState) -> str:
+def _target_may_explain(settled: FitState) -> bool:
+    """Whether an unknown place of the target explains a part of residuals that exceed the noise, to first order.
+
+    With the residual r, its derivatives J by the fit's unknowns and E by the place, and the prior precisions P and 1 / AWAY^2,
+    the sum of squares falls by g' (S + 1 / AWAY^2)^-1 g, where g = E' r and S = E' E - E' J (J' J + P)^-1 J' E.
+    """
+    fit, problem = settled.fit, settled.fit.problem
+    if settled.sigma_scale == 1.0:
+        return False
+    n = problem.size
+    whole, g, before = np.zeros((n + 3, n + 3)), np.zeros(3), 0.0
+    for rows in problem.chunks():
+        poses = fit.point.poses[rows]
+        moved = np.zeros((len(poses), 6 + len(poses.joints), 3))
+        moved[:, :3] = poses.R
+        J = np.concatenate([problem.jacobian(fit.point, rows), problem.columns(fit.point, moved, rows)], axis=2)
+        weight = np.sqrt(fit.weight[rows])[:, None]
+        flat, r = (J * weight[..., None]).reshape(-1, n + 3), (fit.residual[rows] * weight).ravel()
+        whole += flat.T @ flat
+        g += flat[:, n:].T @ r
+        before += float(r @ r)
+    inner = whole[:n, :n] + np.diag(problem.prior)
+    S = whole[n:, n:] - whole[n:, :n] @ np.linalg.solve(inner, whole[:n, n:]) + np.eye(3) / AWAY**2
+    left = 1.0 - float(g @ np.linalg.solve(S, g)) / before
+    return left < limits.MAY_EXPLAIN
+
+
+def _elsewhere_on_platform(fit: RobustFit, admitted: FitState, *, fits: bool) -> str:
     """What to say of a tracker's target that is not where it is declared, if it explains the data better than ``admitted``.
+
+    ``fits``: whether it must explain them to the noise.
 
     It does where the fit with the target's place as an unknown, of a prior sigma of some tenths of metres, has the larger
     marginal likelihood, and residuals that are about as small, or where its residuals are much smaller; and where the place
@@ -164,7 +194,8 @@ def _elsewhere_on_platform(fit: RobustFit, admitted: FitState) -> str:
     more = {"name": table.name or "tracker", "frame": free, "target_sigma": AWAY}
     rows = replace(rows, tables=(table.model_copy(update=more),))
     readings = Readings.of_rows(whole.measured.q, rows, whole.measured.robot)
-    readings = with_unknowns(readings.at(readings.start(fit.near)), fit.near)
+    # From the declared place: where the platform hardly turns, the nominal poses place a target tenths of metres away.
+    readings = readings.at(readings.start(fit.near))
     start = replace(whole.start, frame=Frame())
     tried = replace(fit, whole=replace(whole, start=start, measured=readings, free_frame=False))
     try:
@@ -175,6 +206,8 @@ def _elsewhere_on_platform(fit: RobustFit, admitted: FitState) -> str:
     own = [problem.n_geometry + names.index(f"{more['name']}.target.{axis}") for axis in "xyz"]
     if len(problem.unit) != len(names):  # a frame was freed, so that the target is one of two assumptions
         return ""
+    if fits and other.sigma_scale > 1.0:
+        return ""
     gain, left = other.log_evidence - admitted.log_evidence, other.scale / admitted.scale
     if (gain < limits.CONFLICT or left > limits.AS_GOOD) and left > 1.0 / limits.AS_GOOD:
         return ""
@@ -182,14 +215,14 @@ def _elsewhere_on_platform(fit: RobustFit, admitted: FitState) -> str:
     # A target that sits where it is declared takes up a part of another error.
     if (np.abs(off) <= limits.FAR_FROM_PRIOR * sigma).all():
         return ""
+    so = "fit to the noise" if fits else "fit as well, and the geometry is much nearer to nominal"
     at = off + np.array(table.fixed_targets[""])
     place = ", ".join(f"{value:.4f}" for value in at)
-    section = "[[instrument]]" if table.name else "[instrument]"
     return (
         f"the target does not look to be where dataset.toml has it, but at [{place}] m in the frame of the TCP (+- "
-        f"{1e3 * sigma.max():.2g} mm): with it the data fit as well, and the geometry is much nearer to nominal; measure it, "
-        f"and write target = [{place}] under {section} of dataset.toml. Without it, zeros and joints of this result are wrong "
-        "together with the tool"
+        f"{1e3 * sigma.max():.2g} mm): with it the data {so}; measure it, "
+        f"and write target = [{place}] under its instrument in dataset.toml. Without it, zeros and joints of this result are "
+        "wrong together with the tool"
     )
 
 

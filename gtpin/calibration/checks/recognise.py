@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,6 +15,7 @@ from gtpin.calibration.checks.commands import CommandReading, CommandSearch, one
 from gtpin.calibration.checks.readings import Reading, Rotations, misread, position_readings, rotation_readings
 from gtpin.calibration.free_target import without_target
 from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.data.instrument_tables import Point
 from gtpin.data.names import ORIENTATION
 from gtpin.instruments.frame_and_target import frame_and_target, nearest
 from gtpin.kinematics.poses import Poses
@@ -21,6 +23,7 @@ from gtpin.kinematics.rotations import log
 from gtpin.model.model import Frame, Model
 from gtpin.typing import Floats
 
+_OF_TCP = ", or move the URDF's tcp link there if the TCP was measured"
 _ELSEWHERE = ("the instrument looks to stand elsewhere than in the base frame", 'set frame = "free" under [instrument]')
 
 
@@ -43,7 +46,13 @@ class Interpretation(Reading):
 
 
 def recognised(
-    nominal: Model, poses: Poses, measured: Measured, *, free: bool, free_target: bool = False, failed: bool = False
+    nominal: Model,
+    poses: Poses,
+    measured: Measured,
+    *,
+    free: bool,
+    target: Literal["free"] | Point | None = None,
+    failed: bool = False,
 ) -> Interpretation | None:
     """The usual mistake that makes data fit the nominal model; None where they fit without a correction, or no mistake fits.
 
@@ -53,11 +62,12 @@ def recognised(
     that are inverted or along other axes, Euler angles and rotation vectors; commands in another order, sign or unit, or
     shifted; an instrument at another place than the base frame's; a target at another place than the TCP.
 
-    ``poses``: (N) poses of the nominal model at the measured commands, base frame; NaN where it can't reach. ``free``,
-    ``free_target``: whether the instrument's pose, and the target's place on the platform, are declared unknown.
+    ``poses``: (N) poses of the nominal model at the measured commands, base frame; NaN where it can't reach. ``free``: whether
+    the instrument's pose is declared unknown. ``target``: the declared place of the target, TCP frame, m; ``free``: unknown;
+    None: at the TCP.
     """
     some = np.linspace(0, len(poses) - 1, min(len(poses), limits.SEARCH_ROWS)).astype(int)
-    search = Search(nominal, measured.take(some), poses[some], free, free_target, failed)
+    search = Search(nominal, measured.take(some), poses[some], free, target, failed)
     if search.size == 0.0 or (search.misfit <= search.accepted and not failed):
         return None
     enough = min(search.misfit / limits.FAR_BETTER, search.accepted)
@@ -80,6 +90,8 @@ def recognised(
     named = [reading for reading in chosen if reading.misfit <= close]
     named.sort(key=lambda reading: reading.misfit > limits.AS_GOOD * best.misfit)
     looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in named), strict=True))
+    if len({reading.looks for reading in named}) > 1:
+        hints += "; the data fit equally well with each: find out which is true, for parameters and causes depend on it"
     return replace(named[0], looks=looks, hint=hints)
 
 
@@ -104,16 +116,24 @@ class Search:
     """
 
     def __init__(
-        self, nominal: Model, measured: Measured, poses: Poses, free: bool, free_target: bool, failed: bool
+        self,
+        nominal: Model,
+        measured: Measured,
+        poses: Poses,
+        free: bool,
+        target: Literal["free"] | Point | None,
+        failed: bool,
     ) -> None:
         self.free_tool = any(p.kind == "platform" for p in nominal.geometry.parameters)
-        if free_target:
+        self.free_target, self.declared = target == "free", target is not None
+        self.at = np.zeros(3) if target is None or target == "free" else np.array(target)
+        if self.free_target:
             nominal = replace(nominal, geometry=without_target(nominal.geometry))
             poses = nominal.kinematics.forward(measured.q)
-        self.nominal, self.all, self.free, self.free_target, self.failed = nominal, measured, free, free_target, failed
+        self.nominal, self.all, self.free, self.failed = nominal, measured, free, failed
         there = poses.reached
         self.reached = float(there.mean())
-        self.measured, self.poses = measured.take(there), poses[there]
+        self.measured, self.poses = measured.take(there), self._of_target(poses[there])
         self.rotation = None if self.measured.R is None else Rotation.from_matrix(self.measured.R)
 
     @cached_property
@@ -258,10 +278,10 @@ class Search:
         if not self.far:
             return
         kinematics = self.nominal.kinematics
-        search = CommandSearch(kinematics, self.all, self.size, turned, self.free_target)
+        search = CommandSearch(kinematics, self.all, self.size, turned, self.free_target, self.at)
         for misfit, reading, z in search.found(readings):
             q = self.all.q @ reading.matrix.T + z
-            poses = kinematics.forward(q)
+            poses = self._of_target(kinematics.forward(q))
             there = poses.reached
             read = reading.columns, *reading.words(z, kinematics.robot.revolute), reading.mistakes
             yield self._read(read, replace(self.all, q=q).take(there), poses[there], turned, misfit)
@@ -282,9 +302,9 @@ class Search:
         seen = self._seen(self.poses, Measured(q, T, None), turned)
         aside = np.median(np.einsum("nji,nj->ni", seen.R, T - seen.T), axis=0)
         shifted = T - seen.R @ aside
-        at = f"the target looks to sit at {_metres(aside)} m in the TCP's frame"
+        at = f"the target looks to sit at {_metres(self.at + aside)} m in the TCP's frame"
         if not turned:
-            read = "x y z", at, "move the URDF's tcp link there", 1
+            read = "x y z", at, f"write this as target under [instrument]{_OF_TCP * (not self.declared)}", 1
             yield self._read(read, Measured(q, shifted, R), self.poses, turned)
         if R is None:
             return
@@ -295,6 +315,10 @@ class Search:
         if not turned:
             read = "x y z qw qx qy qz", f"{at}, and {way}", "move and turn the URDF's tcp link", 3
             yield self._read(read, Measured(q, shifted, R @ turn.T), self.poses, turned)
+
+    def _of_target(self, poses: Poses) -> Poses:
+        """Poses of the target at its declared place, from those of the TCP."""
+        return replace(poses, T=poses.T + poses.R @ self.at)
 
     def _misfit(self, measured: Measured, poses: Poses, turned: bool) -> float:
         """Median distance of what was measured from what is predicted, m, in the frame that fits best if ``turned``."""

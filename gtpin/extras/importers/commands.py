@@ -149,7 +149,8 @@ def _write_poses(
     dataset: Dataset, output: Folder, robot: RobotName, force: Force = False, as_json: AsJson = False
 ) -> None:
     replace(dataset, robot=seen_from(robot, output)).write(output, force=force)
-    assumed = "\nThe target is taken to be at the robot's TCP: if it sits elsewhere, move the TCP of the URDF there."
+    elsewhere = "write target = [x, y, z], m, TCP frame, under [instrument] of dataset.toml"
+    assumed = f"\nThe target is taken to be at the robot's TCP: if it sits elsewhere, {elsewhere}."
     targets = [dataset.instrument.target, *(table.model_dump()["target"] for table in dataset.readings.tables)]
     at_tcp = all(target in (None, "tcp") for target in targets)
     _tell_written(len(dataset), "measured poses", robot, output, as_json, assumed if at_tcp else "")

@@ -9,7 +9,7 @@ from gtpin.model.departures import departures
 from gtpin.model.dh import DhParameter, chain_of, controller_table
 from gtpin.model.model import Model
 from gtpin.report.calibration_text import SHOWN, grouped
-from gtpin.report.geometry import all_departures, departures_of, zero_size
+from gtpin.report.geometry import all_departures, point_of, zero_size
 from gtpin.report.page import Block, Fold, Heading, Section, Table
 from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import percent, quantity, whole
@@ -24,14 +24,14 @@ def parameters(r: FitPresentation) -> Section:
     without and with the causes."""
     c, d = r.calibration, r.diagnosis
     model = c.model if d is None else d.model
-    found = departures(model, r.dataset.q) if d is None else departures_of(d)
+    found = departures(model, r.dataset.q)
     content: list[Block] = []
     if found:
         words = (
-            "The departures from nominal, and the displacement of the TCP by each, root mean square over the measured poses. "
-            "Motions of the whole machine that no instrument shows are subtracted."
+            f"The departures from nominal, and the displacement of the {point_of(model)} by each, root mean square over the "
+            "measured poses. Motions of the whole machine that no instrument shows are subtracted."
         )
-        content = [words, Fold(f"All {len(found)} departures", [all_departures(found)])]
+        content = [words, Fold(f"All {len(found)} departures", [all_departures(found, point_of(model))])]
     # What is not explained moves the parameters by more than their sigmas.
     explained = c.explained if d is None else d.verdict != "unknown"
     content += zero_blocks(c) if not chain_of(model.robot) else controller_blocks(model) if explained else []
