@@ -51,11 +51,12 @@ class Prepared:
     ) -> Prepared:
         """The same, with a calibration that estimates the sigmas of the instrument's keys ``sigmas``; ``declared`` stays.
 
-        Takes back: the deferred warnings of the calibration with the declared sigmas.
+        Takes back: the deferred warnings of the calibration with the declared sigmas that are not of these sigmas.
         """
-        withdraw(self.baseline.warnings)
         instrument = self.recorded.instrument.model_copy(update=dict.fromkeys(sigmas))
         again = prepare(replace(self.recorded, instrument=instrument), nominal, progress, priors, widen=widen)
+        kept = again.baseline.warnings
+        withdraw([t for t in self.baseline.warnings if t not in kept and not any(sigma in t for sigma in sigmas)])
         return replace(again, declared=self.declared)
 
 
