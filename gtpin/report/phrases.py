@@ -205,7 +205,7 @@ def value(name: str, estimate: Estimate) -> str:
 def size_words(parameters: Mapping[str, Estimate], count: int = 1) -> str:
     """The first ``count`` parameters in short, as known: ``half width 24.9 µm``; of periods ``24 a turn, 0.41 mrad``.
 
-    If the first one may be zero, the one with the smallest relative sigma is given instead.
+    Of components x, y, z the largest is given. If the first one may be zero, the one with the smallest relative sigma.
     """
     lines, turns = [], False
     for name, period in parameters.items():
@@ -219,6 +219,9 @@ def size_words(parameters: Mapping[str, Estimate], count: int = 1) -> str:
         more = f", and {len(lines) - LINES} more" if len(lines) > LINES else ""
         return f"{often}, {joined(sizes)}{more}"
     some = list(parameters.items())[:count]
+    if count == 1 and some and some[0][0].endswith("_x"):
+        along = [one for one in parameters.items() if one[0][:-1] == some[0][0][:-1]]
+        some = [max(along, key=lambda one: abs(one[1].value))]
     if count == 1 and some and abs(some[0][1].value) < WIDE * some[0][1].sigma:
         some = [max(parameters.items(), key=lambda one: abs(one[1].value) / max(one[1].sigma, 1e-300))]
     return ", ".join(f"{_in_words(name)} {quantity(e.value, e.unit, e.sigma, alone=True)}" for name, e in some)

@@ -232,6 +232,11 @@ def test_a_coupling_is_told_by_the_drive_that_it_goes_with() -> None:
     assert said == "1st other drive −300\u00a0µrad"
 
 
+def test_of_a_shift_the_largest_component_is_in_the_headline():
+    shift = {f"shift_{axis}": Estimate(v, 5e-6, "m") for axis, v in zip("xyz", (-3.3e-5, 8e-6, 4.2e-5), strict=True)}
+    assert size_words(shift | {"turn_x": Estimate(1.0, 1.0, "rad")}) == "shift z 42\u00a0µm"
+
+
 def test_the_number_of_a_line_is_told_from_its_value() -> None:
     """Not ``periods a turn 2 175.1``, which reads as 2175.1."""
     assert parameter("period_2", 2.0 * math.pi / 175.0, "rad")[0] == "periods a turn (2)"
