@@ -161,7 +161,7 @@ def _target_may_explain(settled: FitState) -> bool:
     whole, g, before = np.zeros((n + 3, n + 3)), np.zeros(3), 0.0
     for rows in problem.chunks():
         poses = fit.point.poses[rows]
-        moved = np.zeros((len(poses), 6 + len(poses.joints), 3))
+        moved = np.zeros((len(poses), 6 + 3 * len(poses.links) + len(poses.joints), 3))
         moved[:, :3] = poses.R
         J = np.concatenate([problem.jacobian(fit.point, rows), problem.columns(fit.point, moved, rows)], axis=2)
         weight = np.sqrt(fit.weight[rows])[:, None]
