@@ -146,8 +146,8 @@ class Kinematics:
         if X is None:
             X = self.forward(q).configuration
             assert X is not None
-            while len(kept) >= KEPT:
-                kept.pop(next(iter(kept), b""), None)
+            for oldest in list(kept)[: max(len(kept) - KEPT + 1, 0)]:  # a list: other threads may change it meanwhile
+                kept.pop(oldest, None)
             if len(q) <= LONGEST_KEPT:
                 kept[place] = X
         return X
