@@ -99,7 +99,7 @@ def _two_instead(hypotheses: HypothesisSet, model: Posterior[Term], terms: Seque
     The parts of a machine carry their loads in series: two drives that give way look like links that all bend, and each drive
     alone explains less than these. Where each of the two gains more than twice its cost, neither is a departure of the other
     from its equation, and their penalty does not count against the cause that they replace, which would have to depart from
-    its own. None if there is no such model. Study: tests/diagnosis/test_two_in_series.py.
+    its own. None if there is no such model. Study: tests/diagnosis/test_soft_drives.py.
     """
     allowed = [t for t in terms if isinstance(t, Hypothesis) and t.effect.load and t not in model.terms]
     for cause in (c for c in causes(model) if c.effect.load):

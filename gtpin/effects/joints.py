@@ -236,7 +236,8 @@ class AxisMotion(Effect):
     coefficient = ("radial", "m")
     acts_at = staticmethod(joints)
     plausible: ClassVar[Mapping[str, ParameterRange]] = {
-        "tilt": ParameterRange(0.0, 0.01, "an axis that tilts by more as it turns moves a tool by centimetres")
+        # Assumed: bearings tilt by 0.1 mrad, loose ones by a few.
+        "tilt": ParameterRange(0.0, 0.01, "an axis that tilts by more as it turns is seen to wobble: 10 mm at 1 m")
     }
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
