@@ -8,6 +8,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from gtpin.kinematics.placed import carrier_rates, joints_on_carrier
 from gtpin.model.dh import controller_table, table_with_base
@@ -185,20 +186,24 @@ def with_zeros(geometry: Geometry, covariance: Floats) -> list[ParameterOrZero]:
     size, left = geometry.declared_tolerance, _zeros(geometry)
     inverse = np.linalg.inv(covariance / np.outer(size, size))  # all in units of the declared tolerances
     power, axes = np.linalg.eigh(inverse - np.diag((size / geometry.tolerance) ** 2))
-    H, b = axes * np.maximum(power, 0.0) @ axes.T, inverse @ (geometry.deviation / size)
+    root = np.sqrt(np.maximum(power, 0.0))[:, None] * axes.T
+    H, b = root.T @ root, inverse @ (geometry.deviation / size)
     B, chosen = np.eye(len(size)), list[tuple[str, str, Floats]]()
     while True:
-        S = np.linalg.inv(np.eye(B.shape[1]) + B.T @ H @ B)
-        lower = H @ B @ S @ B.T
+        rest = np.linalg.solve(np.eye(len(size)) + H @ B @ B.T, b)
+        # H - H B S B' H as R' R with R = L^-1 H^1/2, L L' = 1 + H^1/2 B B' H^1/2: the difference loses all digits.
+        seen = root @ B
+        R = solve_triangular(np.linalg.cholesky(np.eye(len(root)) + seen @ seen.T), root, lower=True)
         gains = []
         for _, _, way in left:
             v = ZERO * way / size
-            m, g = v @ (b - lower @ b), v @ (H - lower @ H) @ v
+            m, g = v @ rest, np.sum((R @ v) ** 2)
             gains.append(m**2 / (2.0 * (g + 1.0)) - np.log1p(g) / 2.0)
         if max(gains, default=0.0) <= GAIN:
             break
         chosen.append(left.pop(int(np.argmax(gains))))
         B = np.column_stack([B, ZERO * chosen[-1][2] / size])
+    S = np.linalg.inv(np.eye(B.shape[1]) + B.T @ H @ B)
     beyond = {name for name, _, _ in chosen}
     own = size if beyond else geometry.tolerance
     if geometry.robot.constraints and not geometry.robot.rod_sites:
