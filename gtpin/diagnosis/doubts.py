@@ -379,9 +379,9 @@ def without_impossible(
 def errors_beyond_noise(context: FittedContext) -> Conclusion | None:
     """``held_out``, ``part``, ``excess``: residuals and errors on left-out poses are larger than noise.
 
-    Beside causes, the errors may exceed noise by a small share of the gap, since no cause follows its equation exactly: of
-    the gap of positions on left-out poses, or of all that was measured, in units of noise. A wrist rotates the tool and hardly
-    shifts it.
+    They exceed it where they do so by more than a declared sigma is known to. Beside causes they may also exceed it by a small
+    share of the gap, since no cause follows its equation exactly: of the gap of positions on left-out poses, or of all that was
+    measured, in units of noise. A wrist rotates the tool and hardly shifts it.
 
     Noise is what was declared or what repeated visits show. Nothing can exceed noise that is assumed from the residuals.
     Without causes the repeatability is the largest that the visits allow; beside causes it is the likeliest, else what the
@@ -395,11 +395,11 @@ def errors_beyond_noise(context: FittedContext) -> Conclusion | None:
     size, chance, part = shown.excess(noise, observed, hypotheses, found.model)
     allowed = float(floor_of(noise, hypotheses.design).mean() / shown.floor(hypotheses.design).mean())
     before, after, floor = context.gap.before**2, context.gap.after**2, allowed * context.gap.floor**2
-    far = after > priors.silent**2 * floor
+    far = after > priors.silent**2 * floor or size > priors.excess
     if not silent:
-        far = after - floor > priors.core_leaves * (before - floor)
+        far &= after - floor > priors.core_leaves * (before - floor)
         far &= shown.share_left(observed, hypotheses, found.model) > priors.core_leaves
-    if chance > priors.chance or not (far or (silent and size > priors.excess)):
+    if chance > priors.chance or not far:
         return None
     # Something acts that no effect describes: a smooth term may as well be in the place of a certain cause.
     model = found.whole(hypotheses)

@@ -160,10 +160,10 @@ class Priors:
 
     # What must hold on left-out poses.
     silent: float = 1.25
-    """Ratio of the error on left-out poses to the noise floor, above which the verdict ``none`` becomes ``unknown``. Measured:
+    """Ratio of the error on left-out poses to the noise floor, above which the verdict becomes ``unknown``. Measured:
     examples/diagnosis/noise_floor.py."""
     excess: float = 1.2
-    """Ratio of the residuals to the declared or repeated noise, above which the verdict ``none`` becomes ``unknown``.
+    """Ratio of the residuals to the declared or repeated noise, above which the verdict becomes ``unknown``.
     Assumed: data sheets and calibrations state a sigma to some 20 %."""
     chance: float = 1e-3
     """P-value of the chi-square of the residuals. The limits above count only where it is not larger. Assumed: 1 in 1,000."""
