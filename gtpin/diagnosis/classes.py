@@ -256,12 +256,18 @@ def _or_together(
     for hypothesis, other in zip(several, (*several[1:], several[0]), strict=True):
         beside = None if other == hypothesis else other
         alone = known.get(hypothesis.place, ClassMember(hypothesis, 0.0, recorded, beside))
-        known[hypothesis.place] = replace(alone, probability=alone.probability + each)
+        known[hypothesis.place] = replace(
+            alone, probability=alone.probability + each, beside=beside if each > alone.probability else alone.beside
+        )
     return ordered(known.values(), cause)
 
 
 def with_shared_loads(hypotheses: HypothesisSet, model: Posterior[Term], classes: Classes) -> Classes:
     """The classes in which another mechanism may share the load of a cause: a column bends on a base that rocks.
+
+    It is one at the cause's site under the same load. The parts of a chain without rods carry their loads in series: one at
+    another site counts too, of those that gain most beside the cause or in its place, where it gains more than its prior odds
+    as the only cause, or where both together explain more than the cause alone. With it the cause can have another size.
 
     Both together are compared with the cause alone, and the more favourable of two comparisons counts:
 
@@ -271,19 +277,27 @@ def with_shared_loads(hypotheses: HypothesisSet, model: Posterior[Term], classes
       little is lost. What is lost is Occam's factor, which does not grow with the evidence: the temperature is the smallest.
 
     The probability of both together is divided equally between them. A cause whose probability, alone and with the other, is
-    0.5 or more keeps 0.5. Studies: tests/diagnosis/test_telescope.py, tests/diagnosis/test_two_in_series.py.
+    0.5 or more keeps 0.5. Studies: tests/diagnosis/test_telescope.py, tests/diagnosis/test_two_in_series.py,
+    tests/diagnosis/test_base_and_drive.py.
     """
     found, priors = dict(classes), hypotheses.priors
     for cause, members in classes.items():
-        alike = [h for h in hypotheses.linear if h.site == cause.site and h.effect.load == cause.effect.load]
-        for other in [h for h in alike if cause.effect.load and h not in model.terms]:
-            rest, both = without(hypotheses.groups, model, cause, sweeps=1), (*model.terms, other)
-            temperature = priors.temperature_of(model.log_evidence - rest.log_evidence)
-            gain = hypotheses.gains(model, [other])[other].value / temperature
-            against = (sum(hypotheses.costs(both).values()) - sum(hypotheses.costs(model.terms).values())) / temperature
+        soft = [h for h in hypotheses.linear if cause.effect.load and h.effect.load and h not in model.terms]
+        here = [h for h in soft if h.site == cause.site and h.effect.load == cause.effect.load]
+        there = [h for h in soft if h not in here] if hypotheses.long else []
+        rest = without(hypotheses.groups, model, cause, sweeps=1)
+        temperature = priors.temperature_of(model.log_evidence - rest.log_evidence)
+        beside, alone = hypotheses.gains(model, soft), hypotheses.gains(rest, there)
+        largest = [max(there, key=lambda h: gains[h].value) for gains in (beside, alone) if there]
+        for other in dict.fromkeys((*here, *largest)):
+            gain, both = beside[other].value, (*model.terms, other)
+            against = sum(hypotheses.costs(both).values()) - sum(hypotheses.costs(model.terms).values())
             instead = hypotheses.extended(rest, other).scale[-1]
             shared = fixed(hypotheses.groups, both, (*model.scale, instead)).log_evidence - model.log_evidence
-            ahead = max(gain - min(against, priors.imitation), min(shared, 0.0) / priors.temperature)
+            if other in there and gain < hypotheses.cost(other) and shared < 0.0:
+                continue
+            first = gain / temperature - min(against / temperature, priors.imitation)
+            ahead = max(first, min(shared, 0.0) / priors.temperature)
             shares = _or_together(members, cause, (cause, other), exp(min(ahead, MOST_ODDS)))
             if shares is members:
                 continue
