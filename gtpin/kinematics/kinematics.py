@@ -12,7 +12,7 @@ import pinocchio as pin
 from gtpin.errors import AssemblyModeError, ClosureError, ModelError, UnreachableError
 from gtpin.kinematics.closing import SINGULAR, Here, LoopClosure
 from gtpin.kinematics.dynamics import Loads, loads, rod_ends
-from gtpin.kinematics.first_guess import FirstGuess, nodes
+from gtpin.kinematics.first_guess import FirstGuess, halvings, nodes
 from gtpin.kinematics.motion import FrameMotion
 from gtpin.kinematics.placed import Moves, PlacedParts, moves_of, placed_by, rotation, times, twisted
 from gtpin.kinematics.poses import Poses
@@ -25,7 +25,7 @@ from gtpin.typing import Floats, Ints, Mask
 
 MANY = 1000
 """Number of poses from which a fitted first guess saves time."""
-CHUNK = 512
+CHUNK = 256
 """Number of poses that are closed at once: large enough that Python takes little time, small enough for a processor's cache."""
 KEPT, LONGEST_KEPT = 8, 20_000
 """Number of arrays of commands whose configurations are kept, and of commands in one: 28 MB of a Gantry-Tau."""
@@ -115,8 +115,9 @@ class Kinematics:
         near = None if start is None else start.configuration
         if near is None and self.loops.count:
             near = self._kept.get(q.tobytes()) if self._is_plain else nominal(self.robot).known(q)
-        guess = self._guess if near is None and self.loops.count and len(q) >= MANY else None
-        at_once = near is not None or guess is not None or not self.loops.count
+        alone = near is None and self.loops.count
+        guess = self._guess(halvings(self.robot, q)) if alone and len(q) >= MANY else None
+        at_once = not alone or guess is not None
         try:
             for rows in _chunks(np.arange(len(q) if at_once else 0)):
                 placed = self.placed_at(q[rows])
@@ -385,21 +386,28 @@ class Kinematics:
     def _of_tree(self, travel: Floats) -> Floats:
         return self.robot.with_commands(np.tile(self.robot.neutral, (len(travel), 1)), travel)
 
-    @cached_property
-    def _guess(self) -> FirstGuess | None:
-        """The first guess of a robot as its file describes it; None where it is of no use."""
-        if (found := nodes(self.robot)) is None or not self.loops.square:
+    def _guess(self, halved: int) -> FirstGuess | None:
+        """The first guess of a robot as its file describes it, for its ranges halved so often; None where it is of no use.
+
+        Over a small part of the ranges the polynomials are so near that one or two Newton steps are enough.
+        """
+        known: dict[int, FirstGuess | None] = self.robot.memo.setdefault("guesses", {})
+        if halved not in known:
+            known[halved] = self._fitted(halved)
+        return known[halved]
+
+    def _fitted(self, halved: int) -> FirstGuess | None:
+        found = nodes(self.robot, halved) if self.loops.square else None
+        if found is None or (X := self.forward(found[-1]).configuration) is None:
             return None
-        exponents, q = found
-        X, home = self.known(q), self.at_home.X[0]
         regularity = self._regularity(self.loops.equations(self.loops.at(X, self.placed)).D)
-        guess = FirstGuess.fit(self.robot, exponents, home, q, X, regularity)
-        if guess is not None:
-            here, s = self._guessed(q, self.placed, guess)
-            reached = s == 1.0
-            right = np.abs(here.X[reached] - X[reached]).max(axis=1, initial=0.0) <= SAME
-            guess = guess if right.all() and np.mean(reached) >= USABLE else None
-        return guess
+        guess = FirstGuess.fit(self.robot, found, self.at_home.X[0], X, regularity)
+        if guess is None:
+            return None
+        here, s = self._guessed(found[-1], self.placed, guess)
+        reached = s == 1.0
+        right = np.abs(here.X[reached] - X[reached]).max(axis=1, initial=0.0) <= SAME
+        return guess if right.all() and np.mean(reached) >= USABLE else None
 
 
 def nominal(robot: Chain) -> Kinematics:
