@@ -65,9 +65,8 @@ class Moving:
     @cached_property
     def response(self) -> Floats:
         """(N, nv, n) G: velocities of Pinocchio's joints by unit velocities of each command."""
-        still, n = np.zeros_like(self._here.g), len(self._here)
-        units = np.eye(self.robot.n_actuators)
-        return np.stack([self._closed(still, np.tile(unit, (n, 1))) for unit in units], axis=2)
+        still, each = np.zeros_like(self._here.g), (len(self._here), 1)
+        return np.stack([self._closed(still, np.tile(unit, each)) for unit in np.eye(self.robot.n_actuators)], axis=2)
 
     def velocities(self, v: Floats) -> Floats:
         """V (N, nv) of Pinocchio's joints."""
@@ -86,13 +85,8 @@ class Moving:
 
     def _closed(self, gaps: Floats, commands: Floats) -> Floats:
         """(N, nv) of Pinocchio's joints, with those of the commands (N, n), that close gaps (L, 3, N) to first order."""
-        loops = self._loops
-        if loops.count:
-            here = replace(self._here, g=gaps)
-            return loops.step(here, loops.equations(here), commands)
-        found = np.zeros((len(commands), self.robot.model.nv))
-        found[:, loops.driven] = commands
-        return np.asarray(found @ loops.fold.T)
+        here = replace(self._here, g=gaps)
+        return self._loops.step(here, self._loops.equations(here), commands)
 
     def poses(self, frame: Frame) -> tuple[Floats, Floats]:
         """Positions (N, 3), m, and rotations (N, 3, 3) of a frame in the base frame."""
@@ -143,8 +137,7 @@ class Moving:
         moved = self.acceleration(ends, V, A)[..., :3].reshape(len(V), -1, 2, 3)
         outer = np.asarray(robot.model.gravity.linear) - 0.25 * moved[:, :, 0] - 0.75 * moved[:, :, 1]
         tool = force + self._carried(V, A, payload)
-        found = loads(self._loops, self._here, self._placed, tool, None, moment, V, A, outer)
-        return Forces(found.actuators, -found.loops, found.rod_forces)
+        return loads(self._loops, self._here, self._placed, tool, None, moment, V, A, outer)
 
     @property
     def _load(self) -> Frame:

@@ -327,7 +327,7 @@ def rod_forces(
     >>> gtpin.rod_forces(model.kinematics, q, model.kinematics.forward(q)).shape
     (1, 6)
     """
-    found = kinematics.loads(q, poses, force, payload).rod_forces
+    found = kinematics.loads(q, poses, force, payload).rods
     if not np.isfinite(found).all():
         raise SingularityError("the rods can't hold the platform at one of the poses", hint="leave it out")
     return found

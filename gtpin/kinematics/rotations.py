@@ -29,16 +29,8 @@ def frame_motions(T: Floats) -> Floats:
 
 
 def exp(vectors: Floats) -> Floats:
-    """(..., 3, 3) rotation matrices of rotation vectors (..., 3), rad (Rodrigues)."""
-    angle2 = np.einsum("...i,...i->...", vectors, vectors)
-    angle = np.sqrt(angle2)
-    small = angle2 < 1e-8
-    safe = np.where(small, 1.0, angle)
-    sine = np.where(small, 1.0 - angle2 / 6.0, np.sin(safe) / safe)
-    versine = np.where(small, 0.5 - angle2 / 24.0, 2.0 * (np.sin(safe / 2.0) / safe) ** 2)
-    K = skew(vectors)
-    result: Floats = np.eye(3) + sine[..., None, None] * K + versine[..., None, None] * (K @ K)
-    return result
+    """(..., 3, 3) rotation matrices of rotation vectors (..., 3), rad."""
+    return np.asarray(Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()).reshape(*vectors.shape, 3)
 
 
 def log(matrices: Floats) -> Floats:

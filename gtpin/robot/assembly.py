@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import listed
-from gtpin.robot.constrained_model import POSTURES, ConstrainedModel, in_planes, joint_jacobian
+from gtpin.robot.constrained_model import POSTURES, ConstrainedModel, joint_jacobian, limits
 from gtpin.robot.description import LEVER
 from gtpin.typing import Floats
 
@@ -126,12 +126,11 @@ def _without_redundant(robot: ConstrainedModel, configuration: Floats, notes: li
     rng = np.random.default_rng(0)
     nudged = [robot.home_q + NUDGE * rng.uniform(-1.0, 1.0, robot.n_actuators) for _ in range(POSTURES)]
     near = [exact, *(closest(robot, robot.with_commands(exact, q))[0] for q in nudged)]
-    before, planes = robot.planes, robot.planes_of(robot.relative_motions(near), ROUNDED)
-    planes = tuple(own if len(own) else new for own, new in zip(before, planes, strict=True))
-    robot.leave_open(planes)
+    before, planes = robot.closing(np.eye(len(robot.gaps()))), robot.planes_of(robot.relative_motions(near), ROUNDED)
+    robot.leave_open(tuple(own if len(own) else new for own, new in zip(robot.planes, planes, strict=True)))
     found, gap = closest(robot, exact)
     _gaps(robot, found)
-    left = float(np.abs(in_planes(before) @ robot.gaps()).max(initial=0.0))
+    left = float(np.abs(before @ robot.gaps()).max(initial=0.0))
     if left > CLOSED * robot.size:
         notes.append(_left_open(robot, found, left))
     return found, gap
@@ -240,10 +239,9 @@ def _ranges(robot: ConstrainedModel, start: Floats) -> tuple[Floats, Floats]:
     model = robot.model
     lower, upper = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
     for joint in range(1, model.njoints):
-        v, q = int(model.idx_vs[joint]), int(model.idx_qs[joint])
-        low, high = (float(limits[q]) for limits in (model.lowerPositionLimit, model.upperPositionLimit))
-        if model.nqs[joint] == 1 and low < high:
-            lower[v], upper[v] = low - start[q], high - start[q]
+        if model.nvs[joint] == 1:
+            v, at = int(model.idx_vs[joint]), start[model.idx_qs[joint]]
+            lower[v], upper[v] = (end - at for end in limits(model, joint))
     return lower[robot.passive], upper[robot.passive]
 
 

@@ -100,7 +100,7 @@ class MeasuredLink:
 def measured_link(robot: ConstrainedModel, name: str) -> MeasuredLink:
     """The link of a name. Raises `RobotError` if there is none; it names those with similar names."""
     if name in robot.links:
-        frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
+        frame = robot.link(name)
         return MeasuredLink(name, int(frame.parentJoint), np.array(frame.placement.rotation))
     close = difflib.get_close_matches(name, robot.links, n=3)
     hint = f"did you mean {' or '.join(close)}?" if close else f"links are {listed(robot.links)}"

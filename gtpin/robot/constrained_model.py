@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
+from scipy.linalg import block_diag
 
 from gtpin.errors import RobotError, listed, warn
 from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
@@ -68,22 +69,8 @@ def axes_of(normals: Floats) -> Floats:
     return np.asarray(np.linalg.svd(normals)[2][len(normals) :])
 
 
-def in_planes(normals: tuple[Floats, ...]) -> Floats:
-    """(m, 3 L) matrix that gives the closure equations, from the vectors between the anchors of L loops.
-
-    Of three components of a vector, those along the normals (k, 3) of a loop are no equations.
-    """
-    blocks = [axes_of(normal) for normal in normals]
-    found = np.zeros((sum(map(len, blocks)), 3 * len(blocks)))
-    row = 0
-    for i, block in enumerate(blocks):
-        found[row : row + len(block), 3 * i : 3 * i + 3] = block
-        row += len(block)
-    return found
-
-
 FARTHEST = 1e5
-"""Distance of a joint from the base, m, from which a robot is refused."""
+"""Distance of a joint from the base, m, from which rounding errors spoil a calibration, so that a robot is refused."""
 
 
 @dataclass(frozen=True)
@@ -205,11 +192,11 @@ class ConstrainedModel:
             others = [link for link in description.tree.ends if link != self.tcp_frame]
             what = f"{self.name} names no TCP: {self.tcp_frame} is taken, and there are also {listed(others, 6)}"
             warn(f"{what}; name it (tcp, --tcp)")
-        self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame, (0, 0, 0), (0, 0, 0)))
+        self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame))
         self.load_placement = self.tcp_placement
         home = description.home.link if description.home else None
         named = home or description.tcp or description.platform or self.tcp_frame
-        self.home_joint, self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))
+        self.home_joint, self.home_placement = self._placement(Anchor(named))
         self.anchors = tuple(self._placement(anchor) for anchor in self._anchor_elements)
         pairs = zip(self.anchors[::2], self.anchors[1::2], strict=True)
         self.constraints = tuple(pin.PointAnchorConstraintModel(self.model, *a, *b) for a, b in pairs)
@@ -218,8 +205,13 @@ class ConstrainedModel:
             self.constraint_models.append(pin.ConstraintModel(constraint))
         self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
         """Largest coordinate of a joint with all commands zero, base frame, but at least 1, m. Rounding errors grow with it."""
-        self._check_size()
-        self._check_home()
+        for name, placement in zip(self.model.names, self.data.oMi, strict=True):
+            where = np.abs(placement.translation).max()
+            if not where < FARTHEST:
+                raise description.error(f"joint {name} is {where:g} m from the base", "lengths are in m")
+        if (at_home := description.home) and len(at_home.q) != self.n_actuators:
+            what = f"home has {len(at_home.q)} commands for {self.n_actuators} actuators"
+            raise description.error(what, "mend <home q>")
         moving = self.constraints and not (self.description.planes or self.description.rods)
         motions = self.relative_motions(postures(self.model, self.neutral)) if moving else np.zeros((0, 0))
         pin.computeJointJacobians(self.model, self.data, self.neutral)
@@ -228,11 +220,11 @@ class ConstrainedModel:
     def leave_open(self, planes: tuple[Floats, ...]) -> None:
         """Close each loop only across the directions ``planes`` (k, 3), in the frame of its first anchor."""
         self.planes = planes
-        self._in_planes = in_planes(planes)
-        self.seeking: Floats = np.vstack([self._in_planes, self._levers()])
-        """(m + k, 3 L) as the matrix of :meth:`closing`, with equations for loops of type ``fixed`` that tell half turns."""
         self.closed_axes = tuple(axes_of(normals) for normals in planes)
         """By loop, the (e, 3) directions in which it is closed, in the frame of its first anchor: of a planar loop two."""
+        self._in_planes = block_diag(*self.closed_axes) if planes else np.zeros((0, 0))
+        self.seeking: Floats = np.vstack([self._in_planes, self._levers()])
+        """(m + k, 3 L) as the matrix of :meth:`closing`, with equations for loops of type ``fixed`` that tell half turns."""
 
     @property
     def _anchor_elements(self) -> list[Anchor]:
@@ -248,8 +240,8 @@ class ConstrainedModel:
     @cached_property
     def anchor_axes(self) -> Floats:
         """(2 L, 3, 3) rotation from the frame of each anchor's link to the frame of the joint that carries it."""
-        frames = (self.model.getFrameId(anchor.link, pin.FrameType.BODY) for anchor in self._anchor_elements)
-        return np.array([self.model.frames[frame].placement.rotation for frame in frames]).reshape(-1, 3, 3)
+        links = (self.link(anchor.link) for anchor in self._anchor_elements)
+        return np.array([link.placement.rotation for link in links]).reshape(-1, 3, 3)
 
     @property
     def n_actuators(self) -> int:
@@ -265,6 +257,10 @@ class ConstrainedModel:
     def links(self) -> tuple[str, ...]:
         """Names of its links."""
         return tuple(frame.name for frame in self.model.frames if frame.type == pin.FrameType.BODY)
+
+    def link(self, name: str) -> pin.Frame:
+        """The frame of a link on the joint that carries it."""
+        return self.model.frames[self.model.getFrameId(name, pin.FrameType.BODY)]
 
     @property
     def lower(self) -> Floats:
@@ -414,19 +410,14 @@ class ConstrainedModel:
             raise self.description.error(f"no moving joint is called {element.joint}", hint)
         joint_id = int(model.getJointId(element.joint))
         if model.nvs[joint_id] != 1:
-            raise self.description.error(
-                f"actuator {element.joint} has {model.nvs[joint_id]} degrees of freedom", "drive one"
-            )
+            what = f"actuator {element.joint} has {model.nvs[joint_id]} degrees of freedom"
+            raise self.description.error(what, "drive one")
         index_q, index_v = int(model.idx_qs[joint_id]), int(model.idx_vs[joint_id])
         column = joint_jacobian(model, self.data, joint_id)[:, index_v]
         if not column.any():
             raise self.description.error(f"actuator {element.joint} has an axis of no length", "mend its <axis>")
         revolute = bool(np.linalg.norm(column[3:]) > 0.5)
-        continuous = model.nqs[joint_id] == 2
-        lower = -np.inf if continuous else float(model.lowerPositionLimit[index_q])
-        upper = np.inf if continuous else float(model.upperPositionLimit[index_q])
-        if not lower < upper:
-            lower, upper = -np.inf, np.inf
+        lower, upper = limits(model, joint_id)
         return Actuator(
             element.joint,
             element.site,
@@ -444,21 +435,16 @@ class ConstrainedModel:
     def _placement(self, anchor: Anchor) -> tuple[int, Any]:
         if not self.model.existFrame(anchor.link, pin.FrameType.BODY):
             raise self.description.error(f"no link is called {anchor.link}", "mend the loop, platform or TCP")
-        frame = self.model.frames[self.model.getFrameId(anchor.link, pin.FrameType.BODY)]
+        frame = self.link(anchor.link)
         local = pin.SE3(pin.rpy.rpyToMatrix(*map(float, anchor.rpy)), np.array(anchor.xyz, dtype=float))
         return int(frame.parentJoint), frame.placement * local
 
     def _levers(self) -> Floats:
         """(k, 3 L) components of gaps along the levers of the k further points of loops of type ``fixed``."""
-        loops = self.description.loops
-        names, found = [loop.name for loop in loops], []
-        for i, loop in enumerate(loops):
-            if loop.point_of:
-                row = np.zeros((len(loops), 3))
-                row[i] = np.eye(3)["xy".index(loop.name[-1])]
-                row[names.index(loop.point_of)] = -row[i]
-                found.append(row.ravel())
-        return np.reshape(found, (len(found), 3 * len(loops)))
+        loops, each = self.description.loops, np.eye(3 * len(self.description.loops))
+        axes = {loop.name: 3 * i for i, loop in enumerate(loops)}
+        ways = [(axes[o.name], axes[o.point_of], "xy".index(o.name[-1])) for o in loops if o.point_of]
+        return np.reshape([each[own + c] - each[origin + c] for own, origin, c in ways], (len(ways), len(each)))
 
     def gaps(self) -> Floats:
         """(3 L,) vectors from the first to the second anchor of each loop, m, in the first one's frame, at :attr:`data`."""
@@ -494,33 +480,17 @@ class ConstrainedModel:
 
         ``motions``: as :meth:`relative_motions` has them; (0, 0): not known. ``zero``: see ``normal_of``.
         """
-        named, loops = self.description.planes, self.description.loops
-        found: dict[str, Floats] = {}
-        for loop in loops:
-            of = [
-                motions[3 * i : 3 * i + 3] for i, other in enumerate(loops) if loop.name in (other.name, other.point_of)
-            ]
-            if loop.name in named:
-                found[loop.name] = named[loop.name]
-            elif loop.point_of:
+        found: dict[str, Floats] = dict(self.description.planes)
+        loops = self.description.loops
+        for loop in (loop for loop in loops if loop.name not in found):
+            if loop.point_of:
                 found[loop.name] = of_further_point(found[loop.point_of], loop.name[-1])
+            elif motions.size:
+                own = [loop.name in (other.name, other.point_of) for other in loops]
+                found[loop.name] = normal_of(np.hstack([*motions.reshape(len(loops), 3, -1)[own]]), zero)
             else:
-                found[loop.name] = normal_of(np.hstack(of), zero) if motions.size else NONE
+                found[loop.name] = NONE
         return tuple(found[loop.name] for loop in loops)
-
-    def _check_size(self) -> None:
-        """Raise `RobotError` for a joint so far away that rounding errors spoil a calibration."""
-        for name, placement in zip(self.model.names, self.data.oMi, strict=True):
-            where = np.abs(placement.translation).max()
-            if not where < FARTHEST:
-                raise self.description.error(f"joint {name} is {where:g} m from the base", "lengths are in m")
-
-    def _check_home(self) -> None:
-        home = self.description.home
-        if home and len(home.q) != self.n_actuators:
-            raise self.description.error(
-                f"home has {len(home.q)} commands for {self.n_actuators} actuators", "mend <home q>"
-            )
 
 
 def joint_jacobian(model: Any, data: Any, joint_id: int) -> Floats:
@@ -530,6 +500,13 @@ def joint_jacobian(model: Any, data: Any, joint_id: int) -> Floats:
     """
     # For a model with a single coordinate Pinocchio gives the matrix as a vector.
     return np.reshape(pin.getJointJacobian(model, data, joint_id, pin.LOCAL_WORLD_ALIGNED), (6, model.nv))
+
+
+def limits(model: Any, joint_id: int) -> tuple[float, float]:
+    """Smallest and largest coordinate of a joint, m or rad; infinite where it turns without end, or its range is empty."""
+    index = int(model.idx_qs[joint_id])
+    lower, upper = float(model.lowerPositionLimit[index]), float(model.upperPositionLimit[index])
+    return (lower, upper) if model.nqs[joint_id] == 1 and lower < upper else (-np.inf, np.inf)
 
 
 def joint_axis(model: Any, joint_id: int) -> Floats:

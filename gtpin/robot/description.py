@@ -48,8 +48,8 @@ class Anchor:
     """A frame fixed to a link: its position (m) and orientation (rad, roll pitch yaw) in the link's frame."""
 
     link: str
-    xyz: Vector
-    rpy: Vector
+    xyz: Vector = (0.0, 0.0, 0.0)
+    rpy: Vector = (0.0, 0.0, 0.0)
 
     def along(self, axis: str) -> Anchor:
         """The anchor at `LEVER` along an axis of this one."""
@@ -282,12 +282,8 @@ class _AttributeReader:
         element = loop.find(tag)
         if element is None:
             raise self.error(f"loop {loop.get('name', '')} lacks <{tag}>", "give both <link1> and <link2>")
-        zero = (0.0, 0.0, 0.0)
-        return Anchor(
-            self.text(element, "link"),
-            self.numbers(element, "xyz", 3) if element.get("xyz") else zero,
-            self.numbers(element, "rpy", 3) if element.get("rpy") else zero,
-        )
+        given = {key: self.numbers(element, key, 3) for key in ("xyz", "rpy") if element.get(key)}
+        return Anchor(self.text(element, "link"), **given)
 
     def loops(self, element: Element) -> Iterator[Loop]:
         name, kind = self.text(element, "name"), element.get("type", "spherical")
