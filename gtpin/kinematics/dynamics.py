@@ -99,16 +99,14 @@ def _wrenches(loops: LoopClosure, here: Here, forces: Floats) -> tuple[Floats, F
 
 def constraint_forces(loops: LoopClosure, here: Here, tau: Floats) -> Floats:
     """(N, L, 3) force of each loop on the body of its second anchor, base frame, N, from generalized forces tau (N, nv)."""
-    equations = loops.equations(here)
-    d, inverse = equations.d, loops.inverse(equations.D)
     found = np.zeros((len(here), loops.count, 3))
     if loops.reduced:
         sign = loops.S[np.arange(loops.count)[:, None], loops.private]
-        found = np.einsum("nlk,lk,lkin->nli", tau[:, loops.private], sign, equations.alone)
+        found = np.einsum("nlk,lk,lkin->nli", tau[:, loops.private], sign, here.equations.alone)
         tau = tau - _wrenches(loops, here, found)[1]
-    f = np.einsum("nve,nv->ne", inverse, tau[:, loops.solved])
+    f = np.einsum("nve,nv->ne", here.inverse, tau[:, loops.solved])
     for e, loop in enumerate(loops.loop_of):
-        found[:, loop] += d[e].T * f[:, e, None]
+        found[:, loop] += here.equations.d[e].T * f[:, e, None]
     return found
 
 
@@ -140,8 +138,8 @@ def _on_joints(
 
 def rod_ends(robot: Chain, here: Here) -> tuple[Floats, Floats]:
     """(N, k, 3) joints of the rods on the platform, and (N, k, 3) those on their carriers, base frame, m."""
-    loops = [body.loop for body in robot.rod_bodies]
-    on_platform = here.oMi[:, [body.root for body in robot.rod_bodies], 9:]
+    loops = [rod.loop for rod in robot.rods]
+    on_platform = here.oMi[:, [rod.joint_id for rod in robot.rods], 9:]
     shape = (len(here), len(loops), 3)
     return on_platform.reshape(shape), here.p.transpose(2, 0, 1)[:, loops].reshape(shape)
 
@@ -154,10 +152,10 @@ def _axial(robot: Chain, here: Here, pulled: Floats, outer: Floats | None) -> Fl
     length = np.linalg.norm(along, axis=2)
     u = along / np.where(length > 0.0, length, 1.0)[..., None]
     found = np.zeros(length.shape)
-    for i, body in enumerate(robot.rod_bodies):
-        stretch = np.zeros(len(here)) if body.index_q is None else here.X[:, body.index_q]
+    for i, rod in enumerate(robot.rods):
+        stretch = 0.0 if rod.extension is None else here.X[:, robot.actuators[rod.extension].index_q]
         # Between the carrier joint and the middle, the axial force changes by the weight of the mass that the carrier supports.
-        held = (body.moment + body.sliding * stretch) / length[:, i]
-        on_rod = body.sign * pulled[:, body.loop]
+        held = (rod.moment + rod.sliding * stretch) / length[:, i]
+        on_rod = (1.0 if rod.rod_end else -1.0) * pulled[:, rod.loop]
         found[:, i] = np.einsum("ni,ni->n", on_rod, u[:, i]) + held * np.einsum("ni,ni->n", u[:, i], pull[:, i])
     return found

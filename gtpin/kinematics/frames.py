@@ -85,8 +85,7 @@ class Moving:
 
     def _closed(self, gaps: Floats, commands: Floats) -> Floats:
         """(N, nv) of Pinocchio's joints, with those of the commands (N, n), that close gaps (L, 3, N) to first order."""
-        here = replace(self._here, g=gaps)
-        return self._loops.step(here, self._loops.equations(here), commands)
+        return self._loops.step(replace(self._here, g=gaps), commands)
 
     def poses(self, frame: Frame) -> tuple[Floats, Floats]:
         """Positions (N, 3), m, and rotations (N, 3, 3) of a frame in the base frame."""
@@ -133,7 +132,7 @@ class Moving:
         Raises `ModelError` if the loops are redundant, so that their forces are not determined.
         """
         robot, V, A = self.robot, self.velocities(v), self.accelerations(v, a)
-        ends = [f for body in robot.rod_bodies for f in ((body.root, pin.SE3.Identity()), robot.anchors[body.tip])]
+        ends = [f for rod in robot.rods for f in ((rod.joint_id, pin.SE3.Identity()), robot.anchors[rod.tip])]
         moved = self.acceleration(ends, V, A)[..., :3].reshape(len(V), -1, 2, 3)
         outer = np.asarray(robot.model.gravity.linear) - 0.25 * moved[:, :, 0] - 0.75 * moved[:, :, 1]
         tool = force + self._carried(V, A, payload)

@@ -276,12 +276,12 @@ class Kinematics:
     @cached_property
     def _determinant(self) -> float:
         """The determinant at home: assembly modes meet where it is zero."""
-        return float(self.loops.determinant(self.loops.equations(self.at_home).D)[0])
+        return float(self.loops.determinant(self.at_home.equations.D)[0])
 
     @cached_property
     def _largest(self) -> float:
         loops = self.loops
-        return SINGULAR * float(loops.amplification(loops.equations(self.at_home).D)[0])
+        return SINGULAR * float(loops.amplification(self.at_home.equations.D)[0])
 
     def _first(self, q: Floats, placed: PlacedParts, near: Floats | None) -> tuple[Here, Mask]:
         """Postures at commands (N, n) closed at once from those ``near`` (N, nq), and whether they were reached."""
@@ -400,7 +400,7 @@ class Kinematics:
         found = nodes(self.robot, halved) if self.loops.square else None
         if found is None or (X := self.forward(found[-1]).configuration) is None:
             return None
-        regularity = self._regularity(self.loops.equations(self.loops.at(X, self.placed)).D)
+        regularity = self._regularity(self.loops.at(X, self.placed).equations.D)
         guess = FirstGuess.fit(self.robot, found, self.at_home.X[0], X, regularity)
         if guess is None:
             return None

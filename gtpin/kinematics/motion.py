@@ -37,8 +37,7 @@ class FrameMotion:
             J_tcp = J_tcp @ loops.fold
         J_tcp[:, :3] -= skew(self._T_tcp) @ J_tcp[:, 3:6]
         driven = J_tcp[:, :, loops.driven]
-        equations = loops.equations(here)
-        self._F, inverse = equations.F, loops.inverse(equations.D)
+        self._F, inverse = here.equations.F, here.inverse
         self._H = -J_tcp[:, :, loops.solved] @ inverse
         if robot.measured_joints:
             own = np.searchsorted(loops.solved, [joint.index_v for joint in robot.measured_joints])

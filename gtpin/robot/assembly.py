@@ -10,8 +10,9 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import listed
-from gtpin.robot.constrained_model import POSTURES, ConstrainedModel, joint_jacobian, limits
+from gtpin.robot.constrained_model import POSTURES, ConstrainedModel, limits
 from gtpin.robot.description import LEVER
+from gtpin.robot.resting import joint_jacobian
 from gtpin.typing import Floats
 
 NEAR = 0.02

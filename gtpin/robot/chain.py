@@ -19,7 +19,7 @@ from gtpin.robot.constrained_model import ConstrainedModel, joint_axis
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.placement_frames import frame_of_anchor, frame_of_joint, frame_of_tcp, shift
 from gtpin.robot.resting import coordinates, with_actuators
-from gtpin.robot.rods import Rod, RodBody, rod_body, rods
+from gtpin.robot.rods import Rod, rods
 from gtpin.typing import Floats
 
 
@@ -66,25 +66,20 @@ def measured_joint(robot: ConstrainedModel, name: str) -> MeasuredJoint:
         turns = bool(joint_axis(model, joint_id)[3:].any())
         index_q, index_v = int(model.idx_qs[joint_id]), int(model.idx_vs[joint_id])
         return MeasuredJoint(name, joint_id, index_q, index_v, turns, bool(model.nqs[joint_id] == 2))
-    hint = (
-        f"joints that can be read: {listed(known)}" if known else "no joint of this robot is moved by its loops alone"
-    )
-    raise RobotError(_why_not(robot, name), column="joint", hint=hint)
-
-
-def _why_not(robot: ConstrainedModel, name: str) -> str:
-    model = robot.model
-    for number, actuator in enumerate(robot.actuators):
-        if name == actuator.joint:
-            return f"joint {name} is driven by q{number + 1}: an encoder reads a joint that nothing drives"
-    for mimic in robot.description.tree.mimics:
-        if name == mimic.joint:
-            return f"joint {name} follows {mimic.master} by <mimic>: an encoder reads a joint that only loops move"
-    if model.existJointName(name):
-        return f"joint {name} has {model.nvs[model.getJointId(name)]} coordinates: an encoder reads one"
-    if model.existFrame(name, pin.FrameType.FIXED_JOINT):
-        return f"joint {name} does not move: it is fixed, or no command and no loop moves it"
-    return f"{robot.name} has no joint {name!r}"
+    driven = {actuator.joint: f"q{number}" for number, actuator in enumerate(robot.actuators, 1)}
+    masters = {mimic.joint: mimic.master for mimic in robot.description.tree.mimics}
+    if name in driven:
+        why = f"joint {name} is driven by {driven[name]}: an encoder reads a joint that nothing drives"
+    elif name in masters:
+        why = f"joint {name} follows {masters[name]} by <mimic>: an encoder reads a joint that only loops move"
+    elif model.existJointName(name):
+        why = f"joint {name} has {model.nvs[model.getJointId(name)]} coordinates: an encoder reads one"
+    elif model.existFrame(name, pin.FrameType.FIXED_JOINT):
+        why = f"joint {name} does not move: it is fixed, or no command and no loop moves it"
+    else:
+        why = f"{robot.name} has no joint {name!r}"
+    can = f"joints that can be read: {listed(known)}" if known else "no joint of this robot is moved by its loops alone"
+    raise RobotError(why, column="joint", hint=can)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,10 +218,6 @@ class Chain(ConstrainedModel):
         """Coordinates at home, rad or m, of the nominal robot's joints of one coordinate, by name."""
         return {name: own[0] for name, own in self.home_posture.items() if len(own) == 1}
 
-    def rod(self, index: int) -> Rod:
-        """The rod with an index: see :class:`~gtpin.robot.rods.Rod`."""
-        return self.rods[index]
-
     def rods_on(self, actuator: int) -> tuple[int, ...]:
         """Indices of the rods whose joints are on an actuator's carrier."""
         return tuple(i for i, rod in enumerate(self.rods) if rod.carrier == actuator)
@@ -235,11 +226,6 @@ class Chain(ConstrainedModel):
     def rod_seats(self) -> tuple[int, ...]:
         """By rod, the index of its anchor on the carrier."""
         return tuple(rod.seat for rod in self.rods)
-
-    @cached_property
-    def rod_bodies(self) -> tuple[RodBody, ...]:
-        """The rods as bodies between two points, with their masses."""
-        return tuple(rod_body(self, rod) for rod in self.rods)
 
     @cached_property
     def longer_rods(self) -> tuple[tuple[int, Floats], ...]:
@@ -256,12 +242,6 @@ class Chain(ConstrainedModel):
     def joint_sites(self) -> tuple[str, ...]:
         """Sites whose joints are parts of the geometry: those of all actuators; none where rods hold the platform."""
         return () if self.rods else self.sites
-
-    @property
-    def rod_loops(self) -> dict[str, tuple[str, int, Floats]]:
-        """By site of a rod: its loop, which of the loop's ends is on the rod, 0 or 1, and (3,) its joint on the platform, TCP
-        frame, m."""
-        return {rod.site: (self.description.loops[rod.loop].name, rod.rod_end, rod.P) for rod in self.rods}
 
     @property
     def rod_carriers(self) -> tuple[int | None, ...]:
@@ -286,20 +266,11 @@ class Chain(ConstrainedModel):
         """What an actuator's carrier holds: of each of its rods, the loop's name and which of the loop's ends, 0 or 1."""
         return [(self.description.loops[r.loop].name, 1 - r.rod_end) for r in self.rods if r.carrier == actuator]
 
-    @property
-    def rod_tips(self) -> dict[str, tuple[str, int, Floats]]:
-        """By site of a rod: its link, the Pinocchio joint that moves it, and (3,) its free end in that joint's frame, m."""
-        ends = ((rod, *self.anchors[rod.tip]) for rod in self.rods)
-        return {rod.site: (rod.link, joint, np.array(tip.translation)) for rod, joint, tip in ends}
-
     def rods_at(self, site: str) -> list[int]:
         """Indices of the rods of a site: the rods that an actuator moves, one rod, or all rods for ``arm``."""
         actuator = self.sites.index(site) if site in self.sites else -1
-        return [
-            i
-            for i, rod in enumerate(self.rods)
-            if site in ("arm", rod.site) or actuator in (rod.carrier, rod.extension)
-        ]
+        own = (site in ("arm", rod.site) or actuator in (rod.carrier, rod.extension) for rod in self.rods)
+        return [i for i, one in enumerate(own) if one]
 
     @property
     def motion_size(self) -> int:

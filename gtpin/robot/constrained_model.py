@@ -22,7 +22,7 @@ from scipy.linalg import block_diag
 
 from gtpin.errors import RobotError, listed, warn
 from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
-from gtpin.robot.resting import followers, moving_model, neutral, put
+from gtpin.robot.resting import followers, joint_jacobian, moving_model, neutral, put
 from gtpin.typing import Floats, Mask
 
 POSTURES = 6
@@ -491,15 +491,6 @@ class ConstrainedModel:
             else:
                 found[loop.name] = NONE
         return tuple(found[loop.name] for loop in loops)
-
-
-def joint_jacobian(model: Any, data: Any, joint_id: int) -> Floats:
-    """(6, nv) derivative of a joint's frame (position, then rotation) by Pinocchio velocities, base frame.
-
-    The joint Jacobians in ``data`` must have been computed.
-    """
-    # For a model with a single coordinate Pinocchio gives the matrix as a vector.
-    return np.reshape(pin.getJointJacobian(model, data, joint_id, pin.LOCAL_WORLD_ALIGNED), (6, model.nv))
 
 
 def limits(model: Any, joint_id: int) -> tuple[float, float]:

@@ -190,15 +190,9 @@ class RobotDescription:
             raise RobotError(f"{joints} joints", file=source, hint=f"a robot has {MOST_JOINTS} joints at most")
         reader = _AttributeReader(source)
         loops = tuple(loop for element in root.findall("loop_joint") for loop in reader.loops(element))
-        elements = root.findall("gtpin")
-        if len(elements) > 1:
-            raise RobotError("there are two <gtpin> elements", file=source, hint="keep one")
-        own = elements[0] if elements else Element("gtpin")
-        platform = own.find("platform")
-        homes = own.findall("home")
-        if len(homes) > 1:
-            raise RobotError("there are two <home> elements", file=source, hint="keep one")
-        home = homes[0] if homes else None
+        own = reader.only(root, "gtpin")
+        own = Element("gtpin") if own is None else own
+        platform, home = own.find("platform"), reader.only(own, "home")
         posture = {reader.text(e, "name"): reader.numbers(e, "value", None) for e in own.findall("home/joint")}
         gravity = own.find("gravity")
         tolerance = own.find("tolerance")
@@ -258,6 +252,12 @@ class _AttributeReader:
     def error(self, what: str, hint: str) -> RobotError:
         return RobotError(what, file=self.source, hint=hint)
 
+    def only(self, parent: Element, tag: str) -> Element | None:
+        elements = parent.findall(tag)
+        if len(elements) > 1:
+            raise self.error(f"there are two <{tag}> elements", "keep one")
+        return elements[0] if elements else None
+
     def text(self, element: Element, key: str) -> str:
         value = element.get(key)
         if not value:
@@ -307,12 +307,8 @@ class _AttributeReader:
         for element in own.findall("plane"):
             name, normal = self.text(element, "loop"), np.array(self.numbers(element, "normal", 3))
             if name not in loops or not normal.any():
-                what = (
-                    f"<plane> of no loop {name}"
-                    if name not in loops
-                    else f"<plane> of {name} has a normal of no length"
-                )
-                raise self.error(what, "name a <loop_joint> and the normal of its plane")
+                what = f"of {name} has a normal of no length" if name in loops else f"of no loop {name}"
+                raise self.error(f"<plane> {what}", "name a <loop_joint> and the normal of its plane")
             found.setdefault(name, []).append(normal / np.linalg.norm(normal))
         return {name: np.array(normals) for name, normals in found.items()}
 
@@ -341,12 +337,11 @@ def refuse_xacro(root: Element, source: str) -> None:
 
     Raises `RobotError` if it is one.
     """
-    for element in root.iter():
-        if any("xacro}" in str(name) for name in (element.tag, *element.attrib)):
-            raise RobotError(XACRO, file=source, hint=EXPAND)
-    for element in _parts(root):
-        if any(UNEXPANDED.search(value) for value in element.attrib.values()):
-            raise RobotError(XACRO, file=source, hint=EXPAND)
+    parts = [root, *(element for part in root if part.tag in ("link", "joint") for element in part.iter())]
+    names = [str(name) for element in root.iter() for name in (element.tag, *element.attrib)]
+    values = [value for element in parts for value in element.attrib.values()]
+    if any("xacro}" in name for name in names) or any(map(UNEXPANDED.search, values)):
+        raise RobotError(XACRO, file=source, hint=EXPAND)
 
 
 def check_masses(root: Element, source: str) -> None:
@@ -371,13 +366,5 @@ def warn_of_degrees(root: Element, source: str) -> None:
         for element in part.iter():
             if any(abs(angle) > FULL_TURN for angle in numbers_of(element.get("rpy", ""))):
                 where = f"{part.tag} {part.get('name', '')}".strip()
-                warn(
-                    f'{source}: {where}: rpy="{element.get("rpy")}" is more than a full turn: angles in a URDF are in rad'
-                )
-
-
-def _parts(root: Element) -> Iterator[Element]:
-    yield root
-    for part in root:
-        if part.tag in ("link", "joint"):
-            yield from part.iter()
+                found = f'{source}: {where}: rpy="{element.get("rpy")}"'
+                warn(f"{found} is more than a full turn: angles in a URDF are in rad")

@@ -14,10 +14,9 @@ import math
 import os
 import re
 import tempfile
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import IO, Any
+from typing import Any
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
@@ -143,10 +142,8 @@ def moving_model(description: RobotDescription, driven: Sequence[str]) -> Any:
     follows = {mimic.joint: mimic for mimic in description.tree.mimics}
     for name in driven:
         if name in follows:
-            raise description.error(
-                f"actuator {name} follows {follows[name].master} by <mimic>",
-                f"name {follows[name].master} in its place",
-            )
+            master = follows[name].master
+            raise description.error(f"actuator {name} follows {master} by <mimic>", f"name {master} in its place")
     # The closure of a loop moves the joints that carry only one of its two anchors.
     path, loops = description.tree.path, description.loops
     closing = set[str]().union(*(path(loop.anchor1.link) ^ path(loop.anchor2.link) for loop in loops))
@@ -192,29 +189,21 @@ def neutral(model: Any, description: RobotDescription) -> Floats:
     return configuration
 
 
-@contextmanager
-def _standard_error_kept() -> Iterator[IO[bytes]]:
-    """Catch what C++ code writes to standard error, so that the user gets one error message instead of several lines."""
-    with tempfile.TemporaryFile() as kept:
-        saved = os.dup(2)
-        os.dup2(kept.fileno(), 2)
-        try:
-            yield kept
-        finally:
-            os.dup2(saved, 2)
-            os.close(saved)
-
-
 def build_model(xml: str, source: str) -> Any:
     """Build the Pinocchio model of a URDF's text.
 
     Raises `RobotError` if Pinocchio can't make a model of it; with the parser's message.
     """
-    with _standard_error_kept() as kept:
+    with tempfile.TemporaryFile() as kept:  # what C++ writes to standard error, in one message instead of several lines
+        saved = os.dup(2)
+        os.dup2(kept.fileno(), 2)
         try:
             model, failure = pin.buildModelFromXML(xml), ""
         except (RuntimeError, ValueError) as error:
             model, failure = None, str(error)
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
         kept.seek(0)
         errors = re.findall(r"Error:\s*(.+)", kept.read().decode(errors="replace"))
     # The parser continues after some errors and leaves out what it could not read, for example the mass of a body.
@@ -243,30 +232,27 @@ class Follower:
 def followers(model: Any, mimics: Sequence[Mimic]) -> tuple[Follower, ...]:
     """The followers among the joints of a Pinocchio model."""
     found = []
-    for mimic in mimics:
-        if model.existJointName(mimic.joint):
-            joint, master = model.getJointId(mimic.joint), model.getJointId(mimic.master)
-            found.append(
-                Follower(
-                    int(model.idx_qs[joint]),
-                    int(model.idx_vs[joint]),
-                    int(model.idx_vs[master]),
-                    mimic.multiplier,
-                    mimic.offset,
-                    model.nqs[joint] == 2,
-                )
-            )
+    for mimic in (mimic for mimic in mimics if model.existJointName(mimic.joint)):
+        joint, master = (model.joints[model.getJointId(name)] for name in (mimic.joint, mimic.master))
+        ratio = mimic.multiplier, mimic.offset
+        found.append(Follower(joint.idx_q, joint.idx_v, master.idx_v, *ratio, continuous=joint.nq == 2))
     return tuple(found)
 
 
 def coordinates(model: Any, configuration: Floats) -> dict[str, tuple[float, ...]]:
     """The coordinates of each joint in a configuration (nq,), by its name; of a continuous joint its angle."""
-    found = {}
-    for joint in range(1, model.njoints):
-        at, count = int(model.idx_qs[joint]), int(model.nqs[joint])
-        own = tuple(float(x) for x in configuration[at : at + count])
-        found[str(model.names[joint])] = (math.atan2(own[1], own[0]),) if count == 2 else own
-    return found
+    parts = np.split(configuration, list(model.idx_qs)[2:])
+    own = {str(name): tuple(part.tolist()) for name, part in zip(list(model.names)[1:], parts, strict=True)}
+    return {name: (math.atan2(*at[::-1]),) if len(at) == 2 else at for name, at in own.items()}
+
+
+def joint_jacobian(model: Any, data: Any, joint_id: int) -> Floats:
+    """(6, nv) derivative of a joint's frame (position, then rotation) by Pinocchio velocities, base frame.
+
+    The joint Jacobians in ``data`` must have been computed.
+    """
+    # For a model with a single coordinate Pinocchio gives the matrix as a vector.
+    return np.reshape(pin.getJointJacobian(model, data, joint_id, pin.LOCAL_WORLD_ALIGNED), (6, model.nv))
 
 
 def put(configurations: Floats, index: int, values: Floats | float, continuous: bool) -> None:
@@ -333,9 +319,7 @@ def feet(model: Any, data: Any) -> Floats:
         carrier = model.frames[model.getFrameId(model.names[j], pin.FrameType.JOINT)].parentFrame
         before = found[parent] if parent else data.oMf[carrier].translation
         if model.nvs[j] == 1:
-            twist = np.reshape(pin.getJointJacobian(model, data, j, pin.LOCAL_WORLD_ALIGNED), (6, -1))[
-                :, model.idx_vs[j]
-            ]
+            twist = joint_jacobian(model, data, j)[:, model.idx_vs[j]]
             along = twist[3:] if twist[3:].any() else twist[:3]
             if along.any():  # a driven joint whose axis has no length is refused later
                 found[j] = at + along * (along @ (before - at)) / (along @ along)
