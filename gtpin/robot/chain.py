@@ -47,20 +47,13 @@ class MeasuredJoint:
         return np.asarray(np.arctan2(X[:, self.index_q + 1], here) if self.continuous else here.copy())
 
 
-def readable(robot: ConstrainedModel) -> tuple[str, ...]:
-    """Names of the joints that can be measured: those of one coordinate that nothing but the loops moves."""
-    model = robot.model
-    joints = [j for j in range(1, model.njoints) if model.nvs[j] == 1]
-    return tuple(model.names[j] for j in joints if model.idx_vs[j] in robot.passive)
-
-
 def measured_joint(robot: ConstrainedModel, name: str) -> MeasuredJoint:
     """The passive joint of a name.
 
     Raises `RobotError` if there is none: no such joint, or one that is driven, fixed, follows another, or has several
     coordinates.
     """
-    model, known = robot.model, readable(robot)
+    model, known = robot.model, robot.readable
     if name in known:
         joint_id = int(model.getJointId(name))
         turns = bool(joint_axis(model, joint_id)[3:].any())

@@ -286,8 +286,7 @@ class ConstrainedModel:
     @cached_property
     def whole_turns(self) -> Mask:
         """(nv,) whether a whole turn of a joint changes nothing: it turns about one axis, and its followers by whole turns."""
-        model = self.model
-        found = np.zeros(model.nv, dtype=bool)
+        model, found = self.model, np.zeros(self.model.nv, dtype=bool)
         for joint in range(1, model.njoints):
             if model.nvs[joint] == 1:
                 found[model.idx_vs[joint]] = joint_axis(model, joint)[3:].any()
@@ -306,6 +305,13 @@ class ConstrainedModel:
         supports = self.model.supports
         ends = ((set(supports[c.joint1_id]), set(supports[c.joint2_id])) for c in self.constraints)
         return tuple(sorted({int(j) for one, other in ends for j in one ^ other} - {0}))
+
+    @property
+    def readable(self) -> tuple[str, ...]:
+        """Names of the joints that can be measured: those of one coordinate that nothing but the loops moves."""
+        model = self.model
+        joints = (j for j in range(1, model.njoints) if model.nvs[j] == 1 and model.idx_vs[j] in self.passive)
+        return tuple(model.names[j] for j in joints)
 
     @property
     def moving_joints(self) -> tuple[int, ...]:

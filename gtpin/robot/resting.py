@@ -233,9 +233,9 @@ def followers(model: Any, mimics: Sequence[Mimic]) -> tuple[Follower, ...]:
     """The followers among the joints of a Pinocchio model."""
     found = []
     for mimic in (mimic for mimic in mimics if model.existJointName(mimic.joint)):
-        joint, master = (model.joints[model.getJointId(name)] for name in (mimic.joint, mimic.master))
-        ratio = mimic.multiplier, mimic.offset
-        found.append(Follower(joint.idx_q, joint.idx_v, master.idx_v, *ratio, continuous=joint.nq == 2))
+        joint, master = model.getJointId(mimic.joint), model.getJointId(mimic.master)
+        indices = int(model.idx_qs[joint]), int(model.idx_vs[joint]), int(model.idx_vs[master])
+        found.append(Follower(*indices, mimic.multiplier, mimic.offset, model.nqs[joint] == 2))
     return tuple(found)
 
 
