@@ -162,7 +162,7 @@ def rod_names(model: Model) -> tuple[str, ...]:
     """Names of the rods; `ModelError` if there are none."""
     if not model.robot.rod_sites:
         raise ModelError(f"{model.robot.name} has no rods", hint="this analysis is of rods that hold a platform")
-    return tuple(rod.name for rod in model.robot.rods)
+    return tuple(model.robot.rod(i).name for i in range(len(model.robot.rod_sites)))
 
 
 def step_sums(kinematics: Kinematics, q: Floats, poses: Poses, error: SmallError, sigma: float, step: float) -> Floats:
@@ -283,7 +283,7 @@ def of_rod(robot: Chain, q: Floats, motion: FrameMotion, parameter: str, i: int)
     C = C0 + q (v + dv): as in the paper, a step dv of the direction is added without normalisation. For a carrier that turns,
     the parameter C is the joint's position at command 0.
     """
-    rod, still = robot.rods[i], np.zeros((len(q), 3))
+    rod, still = robot.rod(i), np.zeros((len(q), 3))
     if parameter == "L":
         along = robot.anchor_axes[rod.tip].T @ rod.along
         return SmallError("L", rod.name, frame_of_anchor(robot, rod.tip), _each(shift(along), q), i, 1.0, still)

@@ -90,13 +90,13 @@ class LinkCompliance(Effect):
         force = at.force[:, rods]
         mean, spread = at.references.force
         usual = np.maximum(np.abs(mean[rods]) + spread[rods], 1e-9)
-        came = np.stack([approach(at, at.robot.rods[i].driver) for i in rods], axis=1)
+        came = np.stack([approach(at, at.robot.rod(i).driver) for i in rods], axis=1)
         columns = [force, force * (np.abs(force) / usual - 1.0), np.abs(force) / 2.0, force * came]
         sizes = [1.0, MODULATION.stiffening, MODULATION.compression, MODULATION.friction]
         if len(rods) > 1:
             columns += [force * (np.arange(len(rods)) == i) for i in range(len(rods))]
             sizes += [MODULATION.links] * len(rods)
-        legs = np.array([at.robot.rods[i].extension for i in rods])
+        legs = np.array([at.robot.rod(i).extension for i in rods])
         if None not in legs:
             columns.append(force * at.travel[:, legs.astype(int)])
             sizes.append(MODULATION.extension)

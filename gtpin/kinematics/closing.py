@@ -72,7 +72,7 @@ class Rows:
     def take(self, rows: Ints | Mask) -> Self:
         """Some of the postures."""
         taken = copy(self)
-        for name, x in vars(self).items():
+        for name, x in list(vars(self).items()):
             if isinstance(x, Rows):
                 vars(taken)[name] = x.take(rows)
             elif isinstance(x, np.ndarray):
@@ -152,7 +152,8 @@ class LoopClosure:
 
     ``signs``: (L, J + 1) the S of each joint's frame for each loop. ``moves_tcp``: (J + 1,) whether a joint moves the TCP.
     ``kept``: the velocities but the private ones. ``solved_q``: coordinates of the joints with solved velocities.
-    ``loop_of``: (E,) the loop of each equation. ``square``: whether E = e, and the loops determine all motions.
+    ``lead``: (L, 2) the S of the private velocities. ``loop_of``: (E,) the loop of each equation. ``square``: whether E = e,
+    and the loops determine all motions.
     """
 
     def __init__(self, robot: Chain) -> None:
@@ -187,10 +188,8 @@ class LoopClosure:
         else:
             self.loop_of = np.arange(self.count)
         self.square = len(self.loop_of) == len(self.solved) == self.rank
-        self._rows, self._lead = (
-            self.S[self.loop_of],
-            self.S[np.arange(self.count)[: len(self.private), None], self.private],
-        )
+        self._rows = self.S[self.loop_of]
+        self.lead = self.S[np.arange(len(self.private))[:, None], self.private]
         self._local = local
         """(E, 3) direction of each equation in the frame of the joint that carries the loop's first anchor."""
         self._in_plane = any(map(len, robot.planes))
@@ -284,7 +283,7 @@ class LoopClosure:
         if self.reduced:
             columns, moved = (self.solved, solved) if dq is None else (self.kept, V[:, self.kept])
             left = (equations.alone * self._opened(here, moved, columns)[:, None]).sum(axis=2)
-            V[:, self.private] = -self._lead * left.transpose(2, 0, 1)
+            V[:, self.private] = -self.lead * left.transpose(2, 0, 1)
         return V @ self.fold.T if self.follows else V
 
     def _opened(self, here: Here, v: Floats, columns: Ints) -> Floats:

@@ -72,10 +72,8 @@ def loads(
     robot, n = loops.robot, len(here)
     if len(loops.loop_of) != len(loops.solved):
         wrong = "are redundant" if len(loops.loop_of) > len(loops.solved) else "leave motions free"
-        raise ModelError(
-            f"the loops of {robot.name} {wrong}",
-            hint="statics gives as many forces as there are passive coordinates",
-        )
+        hint = "statics gives as many forces as there are passive coordinates"
+        raise ModelError(f"the loops of {robot.name} {wrong}", hint=hint)
     tool = np.zeros((n, 3)) if force is None else force.copy()
     if payload is not None:
         tool += payload[:, None] * robot.model.gravity.linear
@@ -101,8 +99,7 @@ def constraint_forces(loops: LoopClosure, here: Here, tau: Floats) -> Floats:
     """(N, L, 3) force of each loop on the body of its second anchor, base frame, N, from generalized forces tau (N, nv)."""
     found = np.zeros((len(here), loops.count, 3))
     if loops.reduced:
-        sign = loops.S[np.arange(loops.count)[:, None], loops.private]
-        found = np.einsum("nlk,lk,lkin->nli", tau[:, loops.private], sign, here.equations.alone)
+        found = np.einsum("nlk,lk,lkin->nli", tau[:, loops.private], loops.lead, here.equations.alone)
         tau = tau - _wrenches(loops, here, found)[1]
     f = np.einsum("nve,nv->ne", here.inverse, tau[:, loops.solved])
     for e, loop in enumerate(loops.loop_of):

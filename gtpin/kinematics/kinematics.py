@@ -107,9 +107,8 @@ class Kinematics:
         """
         n = self.robot.n_actuators
         if q.ndim != 2 or q.shape[1] != n:
-            raise ModelError(
-                f"commands of shape {q.shape} for {self.robot.name}", hint=f"give an array of shape (N, {n})"
-            )
+            what = f"commands of shape {q.shape} for {self.robot.name}"
+            raise ModelError(what, hint=f"give an array of shape (N, {n})")
         found, X = self._unknown(len(q))
         begin = np.zeros(len(q))
         near = None if start is None else start.configuration
@@ -254,7 +253,7 @@ class Kinematics:
 
     @cached_property
     def at_home(self) -> Here:
-        """(1) the closed posture at home.
+        """(1) the closed posture at home. Threads share it: what is computed of it is kept elsewhere.
 
         Raises `UnreachableError` if the loops don't close there. `AssemblyModeError` if the loops of the robot's own file close
         far from the home that it gives.
@@ -284,12 +283,11 @@ class Kinematics:
     @cached_property
     def _determinant(self) -> float:
         """The determinant at home: assembly modes meet where it is zero."""
-        return float(self.loops.determinant(self.at_home.equations.D)[0])
+        return float(self.loops.determinant(self.loops.equations(self.at_home).D)[0])
 
     @cached_property
     def _largest(self) -> float:
-        loops = self.loops
-        return SINGULAR * float(loops.amplification(self.at_home.equations.D)[0])
+        return SINGULAR * float(self.loops.amplification(self.loops.equations(self.at_home).D)[0])
 
     def _first(self, q: Floats, placed: PlacedParts, near: Floats | None) -> tuple[Here, Mask]:
         """Postures at commands (N, n) closed at once from those ``near`` (N, nq), and whether they were reached."""
@@ -455,9 +453,8 @@ def _check_declared_home(robot: Chain, here: Here) -> None:
     turned = float(np.linalg.norm(pin.log3(there.rotation @ pin.exp3(np.array(declared.tcp_rotvec)).T)))
     if off > HOME_OFF or turned > HOME_TURNED:
         far = f"{off:.3g} m" if off > HOME_OFF else f"{turned:.3g} rad"
-        raise AssemblyModeError(
-            f"the loops of {robot.name} close {far} from the home that its URDF tells", hint="mend <home>"
-        )
+        what = f"the loops of {robot.name} close {far} from the home that its URDF tells"
+        raise AssemblyModeError(what, hint="mend <home>")
 
 
 def _ways_round(robot: Chain, home_q: Floats, q: Floats) -> list[Floats]:

@@ -160,7 +160,7 @@ def joints_on_carrier(geometry: Geometry, actuator: int) -> Iterator[tuple[int, 
         if p.kind in ("cart_joint", "arm_joint"):
             # Of one rod, or of all rods of the carrier, which has the actuator's name.
             whole = p.part == robot.actuators[actuator].site
-            if own := carried if whole else [i for i in carried if robot.rods[i].name == p.part]:
+            if own := carried if whole else [i for i in carried if robot.rod(i).name == p.part]:
                 yield j, own
 
 

@@ -184,7 +184,7 @@ class ClosedPosture:
 
     def _give_up(self, kinematics: Kinematics, target: Floats, last: Here, done: float) -> None:
         loops = kinematics.loops
-        here, home = (float(loops.amplification(x.equations.D)[0]) for x in (last, kinematics.at_home))
+        here, home = (float(loops.amplification(loops.equations(x).D)[0]) for x in (last, kinematics.at_home))
         stopped = self.q + done * (target - self.q)
         where = (
             f"commands {_text(target)} can't be reached by {self.robot.name}: on the way to them, at {_text(stopped)},"

@@ -116,13 +116,9 @@ def zyz_rates(R: Floats) -> Floats:
 
     It is unbounded near beta = 0 and pi, where the angles are singular.
     """
-    alpha, beta, _ = zyz(R).T
+    alpha = zyz(R)[:, 0]
     axes = np.zeros((len(R), 3, 3))  # columns: the axes of the rotations alpha, beta and gamma
     axes[:, 2, 0] = 1.0
     axes[:, 0, 1], axes[:, 1, 1] = -np.sin(alpha), np.cos(alpha)
-    axes[:, 0, 2], axes[:, 1, 2], axes[:, 2, 2] = (
-        np.cos(alpha) * np.sin(beta),
-        np.sin(alpha) * np.sin(beta),
-        np.cos(beta),
-    )
+    axes[:, :, 2] = R[:, :, 2]
     return np.asarray(np.linalg.inv(axes))

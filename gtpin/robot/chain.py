@@ -211,6 +211,10 @@ class Chain(ConstrainedModel):
         """Coordinates at home, rad or m, of the nominal robot's joints of one coordinate, by name."""
         return {name: own[0] for name, own in self.home_posture.items() if len(own) == 1}
 
+    def rod(self, index: int) -> Rod:
+        """The rod with an index: see :class:`~gtpin.robot.rods.Rod`."""
+        return self.rods[index]
+
     def rods_on(self, actuator: int) -> tuple[int, ...]:
         """Indices of the rods whose joints are on an actuator's carrier."""
         return tuple(i for i, rod in enumerate(self.rods) if rod.carrier == actuator)
@@ -237,6 +241,12 @@ class Chain(ConstrainedModel):
         return () if self.rods else self.sites
 
     @property
+    def rod_loops(self) -> dict[str, tuple[str, int, Floats]]:
+        """By site of a rod: its loop, which of the loop's ends is on the rod, 0 or 1, and (3,) its joint on the platform, TCP
+        frame, m."""
+        return {rod.site: (self.description.loops[rod.loop].name, rod.rod_end, rod.P) for rod in self.rods}
+
+    @property
     def rod_carriers(self) -> tuple[int | None, ...]:
         """By rod, the index of the actuator that moves its carrier joint; None where this joint is fixed to the base."""
         return tuple(rod.carrier for rod in self.rods)
@@ -258,6 +268,12 @@ class Chain(ConstrainedModel):
     def attachments(self, actuator: int) -> list[tuple[str, int]]:
         """What an actuator's carrier holds: of each of its rods, the loop's name and which of the loop's ends, 0 or 1."""
         return [(self.description.loops[r.loop].name, 1 - r.rod_end) for r in self.rods if r.carrier == actuator]
+
+    @property
+    def rod_tips(self) -> dict[str, tuple[str, int, Floats]]:
+        """By site of a rod: its link, the Pinocchio joint that moves it, and (3,) its free end in that joint's frame, m."""
+        ends = ((rod, *self.anchors[rod.tip]) for rod in self.rods)
+        return {rod.site: (rod.link, joint, np.array(tip.translation)) for rod, joint, tip in ends}
 
     def rods_at(self, site: str) -> list[int]:
         """Indices of the rods of a site: the rods that an actuator moves, one rod, or all rods for ``arm``."""

@@ -179,9 +179,7 @@ class ConstrainedModel:
         self.driven = driven
         self._index_q = np.array([actuator.index_q for actuator in self.actuators])
         self._continuous = [i for i, a in enumerate(self.actuators) if self.model.nqs[a.joint_id] == 2]
-        self._led = [
-            (driven.index(follower.master_v), follower) for follower in self.followers if follower.master_v in driven
-        ]
+        self._led = [(driven.index(led.master_v), led) for led in self.followers if led.master_v in driven]
         self.passive = np.setdiff1d(np.arange(self.model.nv), driven + [led.index_v for led in self.followers])
         self.n_passive = len(self.passive)
         if tcp is not None and tcp not in self.links:
@@ -400,10 +398,8 @@ class ConstrainedModel:
             return self.description.actuators
         if self.description.loops:
             where = "in its <actuator>" if self.description.kind == "mjcf" else "in a <gtpin> element"
-            raise self.description.error(
-                "loops but no actuators",
-                f"name the driven joints {where}, or where it is used: --actuators, or actuators in dataset.toml",
-            )
+            hint = f"name the driven joints {where}, or where it is used: --actuators, or actuators in dataset.toml"
+            raise self.description.error("loops but no actuators", hint)
         names = self.description.tree.moving
         if not names:
             raise self.description.error("nothing moves", "give the robot a moving joint")

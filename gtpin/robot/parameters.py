@@ -111,9 +111,8 @@ def all_tolerances(robot: Chain, override: Mapping[str, float]) -> dict[str, flo
     for source, given in (("the robot's URDF", robot.tolerance), ("the dataset", override)):
         unknown = sorted(set(given) - set(KINDS))
         if unknown:
-            raise ModelError(
-                f"{source} gives a tolerance of unknown kind {unknown[0]!r}", hint=f"kinds are {', '.join(TOLERANCE)}"
-            )
+            what = f"{source} gives a tolerance of unknown kind {unknown[0]!r}"
+            raise ModelError(what, hint=f"kinds are {', '.join(TOLERANCE)}")
     found = {**TOLERANCE, **robot.tolerance, **override}
     for kind in JOINTS:
         for axis in (f"{kind}_{axis}" for axis in "xyz"):
@@ -138,9 +137,8 @@ def zero_of(robot: Chain, actuator: Actuator, tolerances: Mapping[str, float]) -
     """The zero of an actuator's joint: its coordinate, and those of joints that follow it, at command 0."""
     joints = {int(v): j for j, v in enumerate(robot.model.idx_vs) if j}
     followers = ((joints[f.index_v], f.multiplier) for f in robot.followers if f.master_v == actuator.index_v)
-    moves = (
-        (frame_of_joint(j), ratio * joint_axis(robot.model, j)) for j, ratio in ((actuator.joint_id, 1.0), *followers)
-    )
+    ratios = ((actuator.joint_id, 1.0), *followers)
+    moves = ((frame_of_joint(j), ratio * joint_axis(robot.model, j)) for j, ratio in ratios)
     unit = "rad" if actuator.revolute else "m"
     return Parameter(f"zero[{actuator.site}]", unit, 0.0, tolerances["zero"], tuple(moves))
 
@@ -179,11 +177,8 @@ def rod_parameters(
 
 def _at_zero(robot: Chain, carrier: int | None) -> Floats:
     """(3, 3) rotation, all commands zero, of the joint of an actuator, or of the base, to the base frame."""
-    return (
-        np.eye(3)
-        if carrier is None
-        else np.asarray(robot.model.jointPlacements[robot.actuators[carrier].joint_id].rotation)
-    )
+    joint = 0 if carrier is None else robot.actuators[carrier].joint_id
+    return np.array(robot.model.jointPlacements[joint].rotation)
 
 
 def _position(
@@ -218,9 +213,7 @@ def placement_parameters(robot: Chain, tolerances: Mapping[str, float], *, zeros
             found.append(Parameter(f"{name}.{axis}", unit, 0.0, tolerances[size], moves))
     for actuator in robot.actuators if zeros else ():
         along = int(np.argmax(np.abs(joint_axis(robot.model, actuator.joint_id))))
-        own = [
-            i for i, p in enumerate(found) if p.kind == "placement" and p.part == robot.model.names[actuator.joint_id]
-        ]
+        own = [i for i, p in enumerate(found) if (p.kind, p.part) == ("placement", actuator.joint)]
         if own:
             found[own[along]] = zero_of(robot, actuator, tolerances)
     return found
@@ -244,8 +237,7 @@ def tracks_by_parameters(robot: Chain) -> dict[str, list[Column]]:
         columns: list[Column] = [{f"track_direction[{site}].{axis}": 1.0} for axis in "ab"]
         for way in shifts:
             moved = zip(own, way, strict=True)
-            columns.append(
-                {f"cart_joint[{rod.name}].{x}": d for rod, by in moved for x, d in zip("xyz", by, strict=True)}
-            )
+            each = ((rod.name, x, d) for rod, by in moved for x, d in zip("xyz", by, strict=True))
+            columns.append({f"cart_joint[{rod}].{x}": d for rod, x, d in each})
         found[site] = columns
     return found

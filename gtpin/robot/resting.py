@@ -153,10 +153,8 @@ def moving_model(description: RobotDescription, driven: Sequence[str]) -> Any:
     free = [name for name in resting if model.nvs[model.getJointId(name)] != 1]
     if free and not description.actuators:
         count = model.nvs[model.getJointId(free[0])]
-        raise description.error(
-            f"joint {free[0]} has {count} degrees of freedom, which no command moves",
-            "planar and floating joints belong into loops: make it fixed, or name the actuators, so that it rests",
-        )
+        hint = "planar and floating joints belong into loops: make it fixed, or name the actuators, so that it rests"
+        raise description.error(f"joint {free[0]} has {count} degrees of freedom, which no command moves", hint)
     if resting:
         model = _reduced(model, resting, neutral(model, description))
     bring_near(model, masses_alone=bool(description.rods))  # rods' joints stand at the ends of rods
@@ -296,9 +294,8 @@ def bring_near(model: Any, *, masses_alone: bool) -> None:
         inertia = model.inertias[j]
         away = float(np.linalg.norm(data.oMi[j].act(inertia.lever) - foot[j]))
         if inertia.mass and away > max(far, FAR_MASS):
-            warn(
-                f"the centre of mass of what joint {model.names[j]} carries is {away:.3g} m away: the mass is left out"
-            )
+            what = f"the centre of mass of what joint {model.names[j]} carries is {away:.3g} m away"
+            warn(f"{what}: the mass is left out")
             model.inertias[j] = pin.Inertia.Zero()
         by = data.oMi[j].actInv(foot[j])
         if np.linalg.norm(by) > far and not masses_alone:

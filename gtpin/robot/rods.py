@@ -129,9 +129,7 @@ def _rod(robot: ConstrainedModel, element: RodElement, index: int, loop: Loop) -
         raise _error(robot, element, "one actuator moves its carrier and another changes its length")
     name = element.site.removeprefix("link")
     masses = [model.inertias[joint].mass for joint in chain]
-    levers = [
-        at.act(model.inertias[joint].lever) @ local.translation / L for joint, at in zip(chain, parts, strict=True)
-    ]
+    levers = [at.act(model.inertias[j].lever) @ local.translation / L for j, at in zip(chain, parts, strict=True)]
     slides = np.inf if extension is None else robot.actuators[extension].joint_id
     return Rod(
         name=name if name else element.site,
@@ -152,7 +150,5 @@ def _rod(robot: ConstrainedModel, element: RodElement, index: int, loop: Loop) -
 
 
 def _error(robot: ConstrainedModel, element: RodElement, what: str) -> RobotError:
-    return robot.description.error(
-        f"rod {element.link}: {what}",
-        "let it hang on the platform by a universal joint and end at a loop on the base or on one actuator's link",
-    )
+    hint = "let it hang on the platform by a universal joint and end at a loop on the base or on one actuator's link"
+    return robot.description.error(f"rod {element.link}: {what}", hint)

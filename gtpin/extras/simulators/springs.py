@@ -206,12 +206,11 @@ def with_link_springs(mechanism: Mechanism, model: Model, robot: Chain) -> tuple
 
 def _sprung(mechanism: Mechanism, robot: Chain, tcp: pin.SE3, site: str, spring: Spring) -> Mechanism:
     """A mechanism in which a rod's end slides along the rod on a spring. ``tcp``: the TCP's placement at home, base frame."""
-    rod = robot.rods[robot.rod_sites.index(site)]
-    loop = robot.description.loops[rod.loop].name
-    end = mechanism.loops[loop][rod.rod_end]
+    loop, rod_end, P = robot.rod_loops[site]
+    end = mechanism.loops[loop][rod_end]
     placements = mechanism.placements()
     place = placements[end.body]
-    along = place.act(end.point) - tcp.act(rod.P)
+    along = place.act(end.point) - tcp.act(P)
     length = float(np.linalg.norm(along))
     axis = place.rotation.T @ along / length
     old = mechanism.body(end.body)
@@ -219,7 +218,7 @@ def _sprung(mechanism: Mechanism, robot: Chain, tcp: pin.SE3, site: str, spring:
     # the force at the rod's middle, as in the effect.
     beyond = float(np.clip(1.0 - (end.point - old.inertia.lever) @ axis / length, 0.0, 0.99))
     joint = Joint(f"{site}_stretch", "slide", axis, np.zeros(3), 0.0, spring=spring)
-    sprung = mechanism.on_springs(f"{site}_end", [(loop, rod.rod_end)], [joint])
+    sprung = mechanism.on_springs(f"{site}_end", [(loop, rod_end)], [joint])
     inertia = old.inertia
     near = pin.Inertia(inertia.mass * (1.0 - beyond), inertia.lever, inertia.inertia * (1.0 - beyond))
     far = pin.Inertia(inertia.mass * beyond, inertia.lever - end.point, inertia.inertia * beyond)

@@ -63,7 +63,7 @@ def parts(robot: Chain) -> tuple[NamedPart, ...]:
     found = {platform_name(robot): (robot.tcp_joint, robot.tcp_placement.translation)}
     found |= {actuator.site: (actuator.joint_id, np.zeros(3)) for actuator in robot.actuators}
     # A leg is an actuator and a rod: its name is drawn only once, at its middle.
-    found |= {rod.site: (joint, tip.translation / 2.0) for rod in robot.rods for joint, tip in [robot.anchors[rod.tip]]}
+    found |= {site: (joint, tip / 2.0) for site, (_, joint, tip) in robot.rod_tips.items()}
     return tuple(NamedPart(name, int(joint), np.array(at)) for name, (joint, at) in found.items())
 
 
@@ -90,7 +90,7 @@ def shapes(robot: Chain, share: Mapping[str, float]) -> Any:
     share of the gap, 0 to 1, by site, which determines its colour. If empty, all shapes keep their colours.
     """
     found = pin.buildGeomFromUrdfString(robot.model, with_its_meshes(robot.description), pin.GeometryType.VISUAL)
-    rods = {rod.link: rod.site for rod in robot.rods}
+    rods = {link: site for site, (link, *_) in robot.rod_tips.items()}
     drawn = set()
     for shape in found.geometryObjects:
         link = robot.model.frames[shape.parentFrame].name
@@ -98,12 +98,11 @@ def shapes(robot: Chain, share: Mapping[str, float]) -> Any:
             drawn.add(link)
             if share:
                 shape.meshColor = np.append(of_share(share.get(rods[link], 0.0)), 1.0)
-    for rod in robot.rods:
-        if rod.link not in drawn:
+    for link, site in rods.items():
+        if link not in drawn:
             import coal
 
-            joint, end = robot.anchors[rod.tip]
-            site, tip = rod.site, np.array(end.translation)
+            _, joint, tip = robot.rod_tips[site]
             length = float(np.linalg.norm(tip))
             turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), tip / max(length, 1e-12)).matrix()
             cylinder = coal.Cylinder(RADIUS * robot.size / 4.0, length)
