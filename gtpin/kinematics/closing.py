@@ -179,19 +179,14 @@ class LoopClosure:
         own = [int(joint) for joint in np.unique(self.joint_of[self.solved])]
         self.solved_q = np.concatenate([np.zeros(0, int), *(model.idx_qs[j] + np.arange(model.nqs[j]) for j in own)])
         self.rank = robot.rank - self.private.size
-        local = np.zeros((0, 3))
-        if not self.reduced and self.count:
-            local = np.concatenate(robot.closed_axes)
-            self.loop_of = np.repeat(np.arange(self.count), [len(axes) for axes in robot.closed_axes])
-            turned = np.array([np.asarray(M.rotation) for _, M in robot.anchors[::2]])
-            local = np.einsum("eij,ej->ei", turned[self.loop_of], local)
-        else:
-            self.loop_of = np.arange(self.count)
+        equations = [1 if self.reduced else len(axes) for axes in robot.closed_axes]
+        self.loop_of = np.repeat(np.arange(self.count), np.array(equations, dtype=int))
         self.square = len(self.loop_of) == len(self.solved) == self.rank
         self._rows = self.S[self.loop_of]
         self.lead = self.S[np.arange(len(self.private))[:, None], self.private]
-        self._local = local
-        """(E, 3) direction of each equation in the frame of the joint that carries the loop's first anchor."""
+        turned = (axes @ M.rotation.T for axes, (_, M) in zip(robot.closed_axes, robot.anchors[::2], strict=True))
+        self._local = np.vstack([np.zeros((0, 3)), *turned])
+        """(E, 3) direction of each equation, unless reduced, in the frame of the joint that carries the first anchor."""
         self._in_plane = any(map(len, robot.planes))
 
     def _private(self) -> Ints:

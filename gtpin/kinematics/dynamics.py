@@ -78,7 +78,7 @@ def loads(
     if payload is not None:
         tool += payload[:, None] * robot.model.gravity.linear
     carrier = here.oMi[:, robot.tcp_joint]
-    at = rotation(carrier) @ np.asarray(robot.load_placement.translation) + carrier[:, 9:]
+    at = rotation(carrier) @ np.asarray(robot.tcp_placement.translation) + carrier[:, 9:]
     on_tool = np.concatenate([tool, np.cross(at, tool) + (0.0 if moment is None else moment)], axis=1)
     tau, carried = copies(robot).inverse_dynamics(here.X, V, A, placed.placements)
     tau = (tau - np.einsum("nvi,ni->nv", here.J, on_tool) * loops.tcp) @ loops.fold

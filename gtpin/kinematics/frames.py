@@ -123,7 +123,7 @@ class Moving:
         V, A = self.velocities(v), self.accelerations(v, a)
         tau, _ = copies(self.robot).inverse_dynamics(self.X, V, A, self._placed.placements)
         tool = np.concatenate([force + self._carried(V, A, payload), moment], axis=1)
-        held = np.einsum("nij,ni->nj", self.jacobian(self._load), tool)
+        held = np.einsum("nij,ni->nj", self.jacobian(frame_of(self.robot, None)), tool)
         return np.asarray(np.einsum("nvi,nv->ni", self.response, tau) - held)
 
     def forces(self, v: Floats, a: Floats, force: Floats, moment: Floats, payload: Floats) -> Forces:
@@ -138,13 +138,12 @@ class Moving:
         tool = force + self._carried(V, A, payload)
         return loads(self._loops, self._here, self._placed, tool, None, moment, V, A, outer)
 
-    @property
-    def _load(self) -> Frame:
-        return self.robot.tcp_joint, self.robot.load_placement
-
     def _carried(self, V: Floats, A: Floats, payload: Floats) -> Floats:
         """(N, 3) force of a payload (N,) on the tool: its weight, less what accelerates it."""
-        fall = np.asarray(self.robot.model.gravity.linear) - self.acceleration([self._load], V, A)[:, 0, :3]
+        fall = (
+            np.asarray(self.robot.model.gravity.linear)
+            - self.acceleration([frame_of(self.robot, None)], V, A)[:, 0, :3]
+        )
         return np.asarray(payload[:, None] * fall)
 
     def inertia(self) -> Floats:

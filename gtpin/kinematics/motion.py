@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -50,11 +50,6 @@ class FrameMotion:
     def __len__(self) -> int:
         return len(self._oMi)
 
-    @property
-    def size(self) -> int:
-        """6 + 3 l + k: number of components of a motion."""
-        return self._loops.robot.motion_size
-
     def frame(self, index: int) -> tuple[Floats, Floats]:
         """Rotations (N, 3, 3) and origins (N, 3), m, of a frame in the base frame, before its own joint's motion."""
         if index == self._J:
@@ -68,13 +63,15 @@ class FrameMotion:
 
     def by_twist(self, index: int, twist: Floats) -> Floats:
         """(N, 6 + 3 l + k, m) motion by twists (N, 6, m) or (6, m) of one frame, in its own axes."""
-        return self._by_twists(((index, np.arange(twist.shape[-1]), twist),), twist.shape[-1])
+        return self._by_twists([(index, np.arange(twist.shape[-1]), twist)], twist.shape[-1])
 
     @cached_property
     def by_rod_lengths(self) -> Floats:
         """(N, 6 + 3 l + k, r) motion by the length of each of r rods."""
-        ways = [self.by_twist(frame, along[:, None]) for frame, along in self._loops.robot.longer_rods]
-        return np.concatenate([np.zeros((len(self), self.size, 0)), *ways], axis=2)
+        rods = self._loops.robot.longer_rods
+        return self._by_twists(
+            [(frame, np.array([i]), along[:, None]) for i, (frame, along) in enumerate(rods)], len(rods)
+        )
 
     def by_parameters(self, moves: Moves, count: int, q: Floats) -> Floats:
         """(N, 6 + 3 l + k, count) motion by the parameters of a geometry, at commands q (N, n)."""
@@ -83,7 +80,7 @@ class FrameMotion:
             found[:, :, column] += self.by_commands[:, :, actuator] * q[:, actuator, None]
         return found
 
-    def _by_twists(self, frames: Iterable[tuple[int, Ints, Floats]], count: int) -> Floats:
+    def _by_twists(self, frames: Sequence[tuple[int, Ints, Floats]], count: int) -> Floats:
         """(N, 6 + 3 l + k, count) motion by twists of frames; see :class:`~gtpin.kinematics.placed.Moves`."""
         loops, J = self._loops, self._J
         b = np.zeros((len(self), len(loops.loop_of), count))

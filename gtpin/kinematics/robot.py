@@ -23,6 +23,7 @@ from gtpin.robot import library
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
+WANTED = "give (3,), (N, 3), (4, 4) or (N, 4, 4) numbers, or a pinocchio.SE3"
 LARGEST = 1e6
 """Largest command, m or rad: of larger angles a float does not hold a microradian's part."""
 
@@ -394,13 +395,12 @@ def _wanted(T: Any, R: npt.ArrayLike | None) -> tuple[Floats, Floats | None]:
         return T.T, T.R
     if R is None and isinstance(T, pin.SE3):
         return np.array(T.translation), np.array(T.rotation)
-    wanted = real(T, "wanted poses", "give (3,), (N, 3), (4, 4) or (N, 4, 4) numbers, or a pinocchio.SE3")
+    wanted = real(T, "wanted poses", WANTED)
     rotations = None if R is None else real(R, "wanted rotations")
     if rotations is None and wanted.ndim in (2, 3) and wanted.shape[-2:] == (4, 4):
         return wanted[..., :3, 3], wanted[..., :3, :3]
     if wanted.ndim not in (1, 2) or wanted.shape[-1] != 3:
-        hint = "give (3,), (N, 3), (4, 4) or (N, 4, 4) numbers, or a pinocchio.SE3"
-        raise ModelError(f"wanted poses of shape {wanted.shape}", hint=hint)
+        raise ModelError(f"wanted poses of shape {wanted.shape}", hint=WANTED)
     if rotations is not None and rotations.shape != (*wanted.shape[:-1], 3, 3):
         hint = "give one 3 x 3 matrix for each position"
         raise ModelError(f"wanted rotations of shape {rotations.shape} for positions {wanted.shape}", hint=hint)

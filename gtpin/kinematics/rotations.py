@@ -49,8 +49,7 @@ def log(matrices: Floats) -> Floats:
 
 
 def left_jacobian(vectors: Floats) -> Floats:
-    """(..., 3, 3) matrices that take a change of rotation vectors (..., 3) to the rotation vectors, in the fixed frame, of the
-    change."""
+    """(..., 3, 3) matrices from changes of rotation vectors (..., 3) to rotation vectors of the changes, in the fixed frame."""
     return _integral(skew(vectors))
 
 

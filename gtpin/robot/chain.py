@@ -159,7 +159,7 @@ def on_link(robot: ConstrainedModel, end: int) -> pin.SE3:
     if end < tcp:
         return robot.model.jointPlacements[end + 1]
     if end == tcp:
-        return robot.load_placement
+        return robot.tcp_placement
     anchor = end - frame_of_anchor(robot, 0)
     return pin.SE3(robot.anchor_axes[anchor], robot.anchors[anchor][1].translation)
 

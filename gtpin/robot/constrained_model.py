@@ -134,10 +134,8 @@ class ConstrainedModel:
     followers : tuple of Follower
         Joints that follow others, whose coordinates are neither driven nor passive: see :meth:`folded`.
     tcp_joint, tcp_placement
-        The joint that carries the TCP frame, and the frame's placement on it.
-    load_placement
-        Placement, on ``tcp_joint``, of the TCP of the URDF. Payloads and tool forces act there, also where the measured target
-        is elsewhere.
+        The joint that carries the TCP frame, and the frame's placement on it. Payloads and tool forces act there, also where
+        the measured target is elsewhere.
     planes : tuple of (k, 3) arrays
         For each loop the directions, in the frame of its first anchor, in which it is left open: the normal of a planar loop.
     home_joint, home_placement
@@ -191,7 +189,6 @@ class ConstrainedModel:
             what = f"{self.name} names no TCP: {self.tcp_frame} is taken, and there are also {listed(others, 6)}"
             warn(f"{what}; name it (tcp, --tcp)")
         self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame))
-        self.load_placement = self.tcp_placement
         home = description.home.link if description.home else None
         named = home or description.tcp or description.platform or self.tcp_frame
         self.home_joint, self.home_placement = self._placement(Anchor(named))
@@ -419,20 +416,9 @@ class ConstrainedModel:
         if not column.any():
             raise self.description.error(f"actuator {element.joint} has an axis of no length", "mend its <axis>")
         revolute = bool(np.linalg.norm(column[3:]) > 0.5)
-        lower, upper = limits(model, joint_id)
-        return Actuator(
-            element.joint,
-            element.site,
-            joint_id,
-            index_q,
-            index_v,
-            lower,
-            upper,
-            revolute,
-            column[3:].copy() if revolute else column[:3].copy(),
-            self.data.oMi[joint_id].translation.copy(),
-            element.scale_unknown,
-        )
+        axis, at = column[3:] if revolute else column[:3], self.data.oMi[joint_id].translation.copy()
+        place = joint_id, index_q, index_v, *limits(model, joint_id)
+        return Actuator(element.joint, element.site, *place, revolute, axis.copy(), at, element.scale_unknown)
 
     def _placement(self, anchor: Anchor) -> tuple[int, Any]:
         if not self.model.existFrame(anchor.link, pin.FrameType.BODY):

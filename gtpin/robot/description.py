@@ -178,25 +178,21 @@ class RobotDescription:
         if root.tag != "robot":
             hint = CONVERT.get(f".{root.tag}", "a URDF's is <robot>, an MJCF's <mujoco>")
             raise RobotError(f"the outer element is <{root.tag}>", file=source, hint=hint)
+        reader, joints = _AttributeReader(source), len(root.findall("joint"))
         if keyframe:
-            raise RobotError(f"a URDF has no keyframe {keyframe!r}", file=source, hint="give home as commands")
+            raise reader.error(f"a URDF has no keyframe {keyframe!r}", "give home as commands")
         if root.find("constraint") is not None:
-            what = "<constraint> is not read"
-            raise RobotError(what, file=source, hint="close the loop by <loop_joint>: see docs/own_machine.md")
+            raise reader.error("<constraint> is not read", "close the loop by <loop_joint>: see docs/own_machine.md")
         refuse_xacro(root, source)
         check_masses(root, source)
-        joints = len(root.findall("joint"))
         if joints > MOST_JOINTS:
-            raise RobotError(f"{joints} joints", file=source, hint=f"a robot has {MOST_JOINTS} joints at most")
-        reader = _AttributeReader(source)
+            raise reader.error(f"{joints} joints", f"a robot has {MOST_JOINTS} joints at most")
         loops = tuple(loop for element in root.findall("loop_joint") for loop in reader.loops(element))
         own = reader.only(root, "gtpin")
         own = Element("gtpin") if own is None else own
         platform, home = own.find("platform"), reader.only(own, "home")
         posture = {reader.text(e, "name"): reader.numbers(e, "value", None) for e in own.findall("home/joint")}
-        gravity = own.find("gravity")
-        tolerance = own.find("tolerance")
-        compliance = own.find("compliance")
+        gravity, tolerance, compliance = (own.find(tag) for tag in ("gravity", "tolerance", "compliance"))
         tree = Tree.of(root, source)
         several = len(tree.ends) > 1 and tree.tip != TOOL
         return RobotDescription(
@@ -288,11 +284,11 @@ class _AttributeReader:
     def loops(self, element: Element) -> Iterator[Loop]:
         name, kind = self.text(element, "name"), element.get("type", "spherical")
         if kind not in LOOPS:
-            raise self.error(
-                f"loop {name} is of type {kind}",
-                'write type="spherical" (two points coincide) or type="fixed" (two frames); a loop whose joints turn about '
-                "parallel axes is recognised as planar, and closed in its plane only",
+            planar = (
+                "a loop whose joints turn about parallel axes is recognised as planar, and closed in its plane only"
             )
+            hint = f'write type="spherical" (two points coincide) or type="fixed" (two frames); {planar}'
+            raise self.error(f"loop {name} is of type {kind}", hint)
         one, other = self.anchor(element, "link1"), self.anchor(element, "link2")
         yield Loop(name, one, other)
         for axis in "xy" if kind == "fixed" else "":

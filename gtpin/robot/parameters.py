@@ -121,18 +121,6 @@ def all_tolerances(robot: Chain, override: Mapping[str, float]) -> dict[str, flo
     return found
 
 
-def joint_on_carrier(robot: Chain, rod: Rod) -> str:
-    """The kind of the parameters of a rod's joint on its carrier."""
-    if rod.carrier is None:
-        return "base_joint"
-    return "arm_joint" if robot.actuators[rod.carrier].revolute else "cart_joint"
-
-
-def direction_of(robot: Chain, actuator: int) -> str:
-    """The kind of the parameters of an actuator's direction."""
-    return "arm_axis" if robot.actuators[actuator].revolute else "track_direction"
-
-
 def zero_of(robot: Chain, actuator: Actuator, tolerances: Mapping[str, float]) -> Parameter:
     """The zero of an actuator's joint: its coordinate, and those of joints that follow it, at command 0."""
     joints = {int(v): j for j, v in enumerate(robot.model.idx_vs) if j}
@@ -153,7 +141,7 @@ def rod_parameters(
     A rod's joint on its carrier is where it is with all commands zero, base frame, and stays there when the direction of the
     track or axis turns.
     """
-    found = []
+    found, turns = list[Parameter](), robot.revolute
     for rod, longer in zip(robot.rods, robot.longer_rods, strict=True):
         found.append(Parameter(f"length[{rod.name}]", "m", rod.L, tolerances["link_length"], (longer,)))
     for rod in robot.rods:
@@ -161,9 +149,10 @@ def rod_parameters(
         found += _position("platform_joint", rod, rod.P, tolerances, frame_of_joint(rod.joint_id), R)
     for rod in robot.rods:
         R = robot.anchor_axes[rod.seat].T @ _at_zero(robot, rod.carrier).T
-        found += _position(joint_on_carrier(robot, rod), rod, rod.C, tolerances, frame_of_anchor(robot, rod.seat), R)
+        kind = "base_joint" if rod.carrier is None else "arm_joint" if turns[rod.carrier] else "cart_joint"
+        found += _position(kind, rod, rod.C, tolerances, frame_of_anchor(robot, rod.seat), R)
     for a in sorted({rod.carrier for rod in robot.rods if rod.carrier is not None}):
-        kind, joint = direction_of(robot, a), robot.actuators[a].joint_id
+        kind, joint = "arm_axis" if turns[a] else "track_direction", robot.actuators[a].joint_id
         seats = [rod.seat for rod in robot.rods if rod.carrier == a]
         for axis, turn in zip("ab", rotation_axes(robot.actuators[a].axis) @ _at_zero(robot, a), strict=False):
             back = ((frame_of_anchor(robot, s), turned(-robot.anchor_axes[s].T @ turn)) for s in seats)
