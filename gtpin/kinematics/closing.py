@@ -92,6 +92,7 @@ class Rows:
 
 
 LAST = ("p", "g", "d", "alone")
+"""Names of the arrays with the postures in their last index."""
 
 
 @dataclass(frozen=True)
