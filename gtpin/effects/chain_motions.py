@@ -148,7 +148,7 @@ def target_at(at: OperatingPoints, end: int) -> pin.SE3:
     It is the identity except for the TCP: the link ends at the URDF's TCP, and the target can be at another point.
     """
     robot = at.robot
-    return robot.load_placement.actInv(at.kinematics.tcp) if end == frame_of_tcp(robot) else pin.SE3.Identity()
+    return robot.tcp_placement.actInv(at.kinematics.tcp) if end == frame_of_tcp(robot) else pin.SE3.Identity()
 
 
 def from_root(robot: Chain, end: int) -> Floats:

@@ -154,7 +154,7 @@ def _flexibility(robot: Chain) -> float:
     model = robot.model
     mass = sum(float(inertia.mass) for inertia in list(model.inertias)[1:])
     way = [model.jointPlacements[j] for j in list(model.supports[robot.tcp_joint])[2:]]
-    length = sum(float(np.linalg.norm(placement.translation)) for placement in [*way, robot.load_placement])
+    length = sum(float(np.linalg.norm(placement.translation)) for placement in [*way, robot.tcp_placement])
     return FLEXIBILITY * max(1.0, MEDIUM / (mass * length)) if mass * length > 0.0 else FLEXIBILITY
 
 

@@ -205,7 +205,7 @@ class OperatingPoints:
     @property
     def force(self) -> Floats:
         """(N, k) axial force of each rod, N, tension positive, from gravity of plate, rods and payload and the tool's force."""
-        return self.loads.rod_forces
+        return self.loads.rods
 
     def rod_shares(self, error: Floats, noise: Floats) -> dict[str, float]:
         """Each rod's share of errors of the TCP's pose: of the mean squares beyond noise that they are in the rods' lengths.

@@ -13,7 +13,10 @@ a planar loop the two in its plane.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -63,11 +66,41 @@ def cross(a: Floats, b: Floats) -> Floats:
     return found
 
 
+class Rows:
+    """Arrays of N postures, with what was computed from them: one row for each, of the arrays `LAST` in their last index."""
+
+    def take(self, rows: Ints | Mask) -> Self:
+        """Some of the postures."""
+        taken = copy(self)
+        for name, x in list(vars(self).items()):
+            if isinstance(x, Rows):
+                vars(taken)[name] = x.take(rows)
+            elif isinstance(x, np.ndarray):
+                vars(taken)[name] = x[..., rows] if name in LAST else x[rows]
+        return taken
+
+    def put(self, rows: Ints, some: Rows) -> None:
+        """Write some postures into these arrays; what was not computed of them is no longer known of these."""
+        for name, x in list(vars(self).items()):
+            new = vars(some).get(name)
+            if new is None:
+                del vars(self)[name]
+            elif isinstance(x, Rows):
+                x.put(rows, new)
+            elif isinstance(x, np.ndarray):
+                x[(..., rows) if name in LAST else rows] = new
+
+
+LAST = ("p", "g", "d", "alone")
+"""Names of the arrays with the postures in their last index."""
+
+
 @dataclass(frozen=True)
-class Here:
+class Here(Rows):
     """N postures: configurations X (N, nq), world twists J (N, nv, 6) of the velocities, placements oMi (N, J + 1, 12) of the
     joints, second anchors p (L, 3, N), and gaps g (L, 3, N) from the first anchors to them, m."""
 
+    loops: LoopClosure
     X: Floats
     J: Floats
     oMi: Floats  # noqa: N815 (Pinocchio's name)
@@ -77,18 +110,19 @@ class Here:
     def __len__(self) -> int:
         return len(self.X)
 
-    def take(self, rows: Ints | Mask) -> Here:
-        """Some of the postures."""
-        return Here(self.X[rows], self.J[rows], self.oMi[rows], self.p[..., rows], self.g[..., rows])
+    @cached_property
+    def equations(self) -> Equations:
+        """The closure equations."""
+        return self.loops.equations(self)
 
-    def put(self, rows: Ints, some: Here) -> None:
-        """Write some postures into these arrays."""
-        self.X[rows], self.J[rows], self.oMi[rows] = some.X, some.J, some.oMi
-        self.p[..., rows], self.g[..., rows] = some.p, some.g
+    @cached_property
+    def inverse(self) -> Floats:
+        """(N, e, E) inverses of the equations' D; see :meth:`LoopClosure.inverse`."""
+        return self.loops.inverse(self.equations.D)
 
 
 @dataclass(frozen=True)
-class Equations:
+class Equations(Rows):
     """The E closure equations at N postures: directions d (E, 3, N), wrenches F (N, E, 6) along these, derivative D (N, E, e)
     by the solved velocities, and components r (N, E) of the gaps, m.
 
@@ -100,15 +134,6 @@ class Equations:
     D: Floats
     r: Floats
     alone: Floats
-
-    def take(self, rows: Ints | Mask) -> Equations:
-        """Those of some of the postures."""
-        return Equations(self.d[..., rows], self.F[rows], self.D[rows], self.r[rows], self.alone[..., rows])
-
-    def put(self, rows: Ints, some: Equations) -> None:
-        """Write those of some postures into these arrays."""
-        self.F[rows], self.D[rows], self.r[rows] = some.F, some.D, some.r
-        self.d[..., rows], self.alone[..., rows] = some.d, some.alone
 
 
 @dataclass(frozen=True)
@@ -128,7 +153,8 @@ class LoopClosure:
 
     ``signs``: (L, J + 1) the S of each joint's frame for each loop. ``moves_tcp``: (J + 1,) whether a joint moves the TCP.
     ``kept``: the velocities but the private ones. ``solved_q``: coordinates of the joints with solved velocities.
-    ``loop_of``: (E,) the loop of each equation. ``square``: whether E = e, and the loops determine all motions.
+    ``lead``: (L, 2) the S of the private velocities. ``loop_of``: (E,) the loop of each equation. ``square``: whether E = e,
+    and the loops determine all motions.
     """
 
     def __init__(self, robot: Chain) -> None:
@@ -154,21 +180,14 @@ class LoopClosure:
         own = [int(joint) for joint in np.unique(self.joint_of[self.solved])]
         self.solved_q = np.concatenate([np.zeros(0, int), *(model.idx_qs[j] + np.arange(model.nqs[j]) for j in own)])
         self.rank = robot.rank - self.private.size
-        local = np.zeros((0, 3))
-        if not self.reduced and self.count:
-            local = np.concatenate(robot.closed_axes)
-            self.loop_of = np.repeat(np.arange(self.count), [len(axes) for axes in robot.closed_axes])
-            turned = np.array([np.asarray(M.rotation) for _, M in robot.anchors[::2]])
-            local = np.einsum("eij,ej->ei", turned[self.loop_of], local)
-        else:
-            self.loop_of = np.arange(self.count)
+        equations = [1 if self.reduced else len(axes) for axes in robot.closed_axes]
+        self.loop_of = np.repeat(np.arange(self.count), np.array(equations, dtype=int))
         self.square = len(self.loop_of) == len(self.solved) == self.rank
-        self._rows, self._lead = (
-            self.S[self.loop_of],
-            self.S[np.arange(self.count)[: len(self.private), None], self.private],
-        )
-        self._local = local
-        """(E, 3) direction of each equation in the frame of the joint that carries the loop's first anchor."""
+        self._rows = self.S[self.loop_of]
+        self.lead = self.S[np.arange(len(self.private))[:, None], self.private]
+        turned = (axes @ M.rotation.T for axes, (_, M) in zip(robot.closed_axes, robot.anchors[::2], strict=True))
+        self._local = np.vstack([np.zeros((0, 3)), *turned])
+        """(E, 3) direction of each equation, unless reduced, in the frame of the joint that carries the first anchor."""
         self._in_plane = any(map(len, robot.planes))
 
     def _private(self) -> Ints:
@@ -194,10 +213,10 @@ class LoopClosure:
         point = M[:, 9:].copy()
         for i in range(3):
             point += M[:, 3 * i : 3 * i + 3] * at[:, i, None]
-        return Here(X, J, oMi, point[1::2], point[1::2] - point[::2])
+        return Here(self, X, J, oMi, point[1::2], point[1::2] - point[::2])
 
     def equations(self, here: Here) -> Equations:
-        """The equations at postures."""
+        """The equations at postures: ``here.equations`` keeps them."""
         alone = np.zeros((0, 2, 3, len(here)))
         if self.reduced:
             C = np.ascontiguousarray(here.J[:, self.private].transpose(1, 2, 3, 0))
@@ -219,11 +238,10 @@ class LoopClosure:
         r = (d * here.g[self.loop_of]).sum(axis=1).T
         return Equations(d, F, self.by_velocities(here, F, self.solved), r, alone)
 
-    def gap(self, here: Here, equations: Equations | None = None) -> Floats:
+    def gap(self, here: Here) -> Floats:
         """(N,) largest component of what is open, m; of planar loops in their planes."""
         if self._in_plane:
-            r = (self.equations(here) if equations is None else equations).r
-            return np.asarray(np.abs(r).max(axis=1, initial=0.0))
+            return np.asarray(np.abs(here.equations.r).max(axis=1, initial=0.0))
         return np.asarray(np.abs(here.g).max(axis=(0, 1), initial=0.0))
 
     def by_velocities(self, here: Here, F: Floats, columns: Ints) -> Floats:
@@ -250,23 +268,18 @@ class LoopClosure:
             found[sound] = scaled @ np.swapaxes(left[:, :, : self.rank], 1, 2)
         return found
 
-    def step(self, here: Here, equations: Equations, dq: Floats | None = None, inverse: Floats | None = None) -> Floats:
-        """(N, nv) velocities that close the loops to first order, while the commands move by dq (N, n); None: not at all.
-
-        ``inverse``: of the equations' D, where it is known.
-        """
+    def step(self, here: Here, dq: Floats | None = None) -> Floats:
+        """(N, nv) velocities that close the loops to first order, while the commands move by dq (N, n); None: not at all."""
+        equations = here.equations
         V, r = np.zeros((len(here), self.robot.model.nv)), equations.r
         if dq is not None:
             V[:, self.driven] = dq
             r = r + (self.by_velocities(here, equations.F, self.driven) @ dq[..., None])[..., 0]
-        if inverse is None:
-            V[:, self.solved] = solved = self._solve(equations.D, -r)
-        else:
-            V[:, self.solved] = solved = -(inverse @ r[..., None])[..., 0]
+        V[:, self.solved] = solved = self._solve(here, -r)
         if self.reduced:
             columns, moved = (self.solved, solved) if dq is None else (self.kept, V[:, self.kept])
             left = (equations.alone * self._opened(here, moved, columns)[:, None]).sum(axis=2)
-            V[:, self.private] = -self._lead * left.transpose(2, 0, 1)
+            V[:, self.private] = -self.lead * left.transpose(2, 0, 1)
         return V @ self.fold.T if self.follows else V
 
     def _opened(self, here: Here, v: Floats, columns: Ints) -> Floats:
@@ -276,29 +289,26 @@ class LoopClosure:
         moved = ((self.S[:, columns] * v[:, None]) @ here.J[:, columns]).transpose(1, 2, 0)
         return np.asarray(here.g + moved[:, :3] + cross(moved[:, 3:], here.p))
 
-    def _solve(self, D: Floats, right: Floats) -> Floats:
-        if self.square:
+    def _solve(self, here: Here, right: Floats) -> Floats:
+        if self.square and "inverse" not in vars(here):
             try:
-                return np.asarray(np.linalg.solve(D, right[..., None])[..., 0])
+                return np.asarray(np.linalg.solve(here.equations.D, right[..., None])[..., 0])
             except np.linalg.LinAlgError:
                 pass
-        return np.asarray((self.inverse(D) @ right[..., None])[..., 0])
+        return np.asarray((here.inverse @ right[..., None])[..., 0])
 
     # ------------------------------------------------------------------------------------------- closing
 
-    def newton(
-        self, here: Here, placed: PlacedParts, contraction: float = CONTRACTION, equations: Equations | None = None
-    ) -> Closed:
+    def newton(self, here: Here, placed: PlacedParts, contraction: float = CONTRACTION) -> Closed:
         """Close the loops by Newton's method on the passive velocities, at constant commands.
 
-        ``here``: (N) postures to start from, with ``equations`` where they are known; both stay as they are.
+        ``here``: (N) postures to start from, which stay as they are.
         """
         n = len(here)
         closed, lost, steps, last = np.zeros(n, bool), np.zeros(n, bool), np.zeros(n, int), np.full(n, np.inf)
-        equations = self.equations(here) if equations is None else equations
-        whole, rows, D = here, np.arange(n), equations.D.copy()
+        whole, rows, D = here, np.arange(n), here.equations.D.copy()
         for number in range(MAX_STEPS + 1):
-            shut = ~lost & (self.gap(here, equations) <= ROUNDING * self.size)
+            shut = ~lost & (self.gap(here) <= ROUNDING * self.size)
             closed[rows[shut]] = True
             done = shut | lost
             if done.all() or number == MAX_STEPS:
@@ -308,17 +318,14 @@ class LoopClosure:
                     whole.put(rows, here)
                 left = np.flatnonzero(~done)
                 rows, last, lost, done, here = rows[left], last[left], lost[left], done[left], here.take(left)
-                equations = None if equations is None else equations.take(left)
-            equations = self.equations(here) if equations is None else equations
-            D[rows] = equations.D
-            V = self.step(here, equations)
+            D[rows] = here.equations.D
+            V = self.step(here)
             size = np.sqrt(np.einsum("ni,ni->n", V, V))
             lost |= ~done & ~((size <= TINY) | (size <= contraction * last))
             V[done | lost] = 0.0
             last = size
             steps[rows[~(done | lost)]] += 1
             here = self.at(copies(self.robot).integrate(here.X, V), placed.take(rows) if len(rows) < n else placed)
-            equations = self.equations(here) if self._in_plane else None
             if len(rows) == n:
                 whole = here
         if len(rows) < n:
@@ -354,27 +361,20 @@ class LoopClosure:
         begin = np.zeros(n) if begin is None else begin
         done, stride, error, rate = begin.copy(), np.full(n, first), np.zeros(n), np.full(n, np.inf)
         rows, here = np.arange(n), start
-        ends = start.take(rows)
-        its = self.equations(here)
-        inverse = self.inverse(its.D)
-        q = path(done, rows)[0]
+        ends, q = start.take(rows), path(done, rows)[0]
         while rows.size:
             reach = np.minimum(1.0, done[rows] + stride[rows])
             goal, placed = path(reach, rows)
-            if placed.anchors.ndim == 3 or placed.placements.ndim == 3:
-                moved = self.at(here.X, placed)  # the parts move along the path too
-                V = self.step(moved, self.equations(moved), goal - q)
-            else:
-                V = self.step(here, its, goal - q, inverse)
+            inverse, parts_move = here.inverse, placed.anchors.ndim == 3 or placed.placements.ndim == 3
+            V = self.step(self.at(here.X, placed) if parts_move else here, goal - q)
             V[~np.isfinite(V).all(axis=1)] = 0.0
             there = self.at(self.robot.with_commands(copies(self.robot).integrate(here.X, V), goal), placed)
-            ahead = self.equations(there)
-            inverses = self.inverse(ahead.D)
-            change = _norm(inverse @ (ahead.D - its.D))
-            left = _norm(self.step(there, ahead, None, inverses)[..., None])
+            near = _norm(there.inverse) <= largest
+            change = _norm(inverse @ (there.equations.D - here.equations.D))
+            left = _norm(self.step(there)[..., None])
             allowed = np.maximum(TINY, np.maximum(CONTRACTION * _norm(V[..., None]), CHANGE * error[rows]))
             excess = np.maximum(change / CHANGE, np.maximum(left / allowed, np.abs(V).max(axis=1) / FARTHEST))
-            ok = (excess <= 1.0) & (_norm(inverses) <= largest)
+            ok = (excess <= 1.0) & near
             excess = np.maximum(excess, 1e-3)
             now = excess / stride[rows]
             growth = np.clip(now / rate[rows], 1.0, MOST_GROWTH)
@@ -386,25 +386,19 @@ class LoopClosure:
             stride[rows] = np.where(ok, longer, own * np.clip(share, 0.1, 0.5))
             if back.size:
                 there.put(back, here.take(back))
-                ahead.put(back, its.take(back))
-                inverses[back], goal[back] = inverse[back], q[back]
-            here, its, inverse, q = there, ahead, inverses, goal
+                goal[back] = q[back]
+            here, q = there, goal
             left_over = 1.0 - done[rows]
             on = (left_over > 0.0) & (stride[rows] >= np.minimum(SMALLEST_STRIDE, left_over / NEARLY_THERE))
             if len(on) == n and not on.any():
                 ends, rows = here, rows[on]  # all at once, as one posture: their equations are known
             elif not on.all():
                 ends.put(rows[~on], here.take(~on))
-                rows, here, its, inverse, q = rows[on], here.take(on), its.take(on), inverse[on], q[on]
+                rows, here, q = rows[on], here.take(on), q[on]
         rows = np.flatnonzero(done == 1.0)
-        if len(here) == n:
-            here, its, inverse = here.take(rows), its.take(rows), inverse[rows]
-        else:
-            here = ends.take(rows)
-            its = self.equations(here)
-            inverse = self.inverse(its.D)
-        closing = self.newton(here, path(done[rows], rows)[1], equations=its)
-        change = _norm(inverse @ (closing.D - its.D))
+        here = (here if len(here) == n else ends).take(rows)
+        closing = self.newton(here, path(done[rows], rows)[1])
+        change = _norm(here.inverse @ (closing.D - here.equations.D))
         reached = np.zeros(n, dtype=bool)
         reached[rows] = closing.closed & (change <= CHANGE) & (self.amplification(closing.D) <= largest)
         ends.put(rows[reached[rows]], closing.here.take(reached[rows]))

@@ -156,9 +156,8 @@ def _view(first: list[Floats], width: int) -> Floats:
 
 
 def _unread() -> GtpinError:
-    return GtpinError(
-        f"Pinocchio {pin.__version__} keeps its numbers in another order", hint="install one that gtpin allows"
-    )
+    what = f"Pinocchio {pin.__version__} keeps its numbers in another order"
+    return GtpinError(what, hint="install one that gtpin allows")
 
 
 _OF_THREAD = threading.local()

@@ -22,29 +22,6 @@ from gtpin.typing import Floats
 
 
 @dataclass(frozen=True, eq=False)
-class Loads:
-    """Static loads at N postures.
-
-    ``loops``: (N, L, 3) force of each loop on the body of its second anchor, base frame, N. ``rod_forces``: (N, k) axial force
-    at each rod's middle, N, tension positive. ``actuators``: (N, n) force, N, or torque, N m, of each actuator, positive in the
-    direction of its command.
-    """
-
-    loops: Floats
-    rod_forces: Floats
-    actuators: Floats
-    _joints: Callable[[], Floats]
-
-    @cached_property
-    def joints(self) -> Floats:
-        """(N, J + 1, 6) force, N, and moment, N m, that the bodies beyond each joint exert on it.
-
-        About the origin of the joint's placement frame and in its axes; then those on the TCP, in its axes.
-        """
-        return self._joints()
-
-
-@dataclass(frozen=True)
 class Forces:
     """The forces of a robot at rest or in motion; of N postures, all arrays have N rows.
 
@@ -56,6 +33,21 @@ class Forces:
     actuators: Floats
     loops: Floats
     rods: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Loads(Forces):
+    """The forces at N postures, and those on the joints."""
+
+    _joints: Callable[[], Floats]
+
+    @cached_property
+    def joints(self) -> Floats:
+        """(N, J + 1, 6) force, N, and moment, N m, that the bodies beyond each joint exert on it.
+
+        About the origin of the joint's placement frame and in its axes; then those on the TCP, in its axes.
+        """
+        return self._joints()
 
 
 def loads(
@@ -78,45 +70,41 @@ def loads(
     Raises `ModelError` if the loops are redundant, so that statics alone does not give their forces.
     """
     robot, n = loops.robot, len(here)
-    if loops.count and len(loops.loop_of) != len(loops.solved):
+    if len(loops.loop_of) != len(loops.solved):
         wrong = "are redundant" if len(loops.loop_of) > len(loops.solved) else "leave motions free"
-        raise ModelError(
-            f"the loops of {robot.name} {wrong}",
-            hint="statics gives as many forces as there are passive coordinates",
-        )
+        hint = "statics gives as many forces as there are passive coordinates"
+        raise ModelError(f"the loops of {robot.name} {wrong}", hint=hint)
     tool = np.zeros((n, 3)) if force is None else force.copy()
     if payload is not None:
         tool += payload[:, None] * robot.model.gravity.linear
     carrier = here.oMi[:, robot.tcp_joint]
-    at = rotation(carrier) @ np.asarray(robot.load_placement.translation) + carrier[:, 9:]
+    at = rotation(carrier) @ np.asarray(robot.tcp_placement.translation) + carrier[:, 9:]
     on_tool = np.concatenate([tool, np.cross(at, tool) + (0.0 if moment is None else moment)], axis=1)
     tau, carried = copies(robot).inverse_dynamics(here.X, V, A, placed.placements)
     tau = (tau - np.einsum("nvi,ni->nv", here.J, on_tool) * loops.tcp) @ loops.fold
-    pulled = constraint_forces(loops, here, tau) if loops.count else np.zeros((n, 0, 3))
-    wrenches = np.concatenate([pulled, np.cross(here.p.transpose(2, 0, 1), pulled)], axis=2)
-    by_loops = np.einsum("lv,nvi,nli->nv", loops.S, here.J, wrenches, optimize=True) @ loops.fold
-    actuators = (tau - by_loops)[:, loops.driven]
+    pulled = constraint_forces(loops, here, tau)
+    wrenches, by_loops = _wrenches(loops, here, pulled)
+    actuators = (tau - by_loops @ loops.fold)[:, loops.driven]
     joints = partial(_on_joints, loops, here, placed, carried, wrenches, on_tool)
-    return Loads(pulled, _axial(robot, here, pulled, outer), actuators, joints)
+    return Loads(actuators, -pulled, _axial(robot, here, pulled, outer), joints)
+
+
+def _wrenches(loops: LoopClosure, here: Here, forces: Floats) -> tuple[Floats, Floats]:
+    """(N, L, 6) wrenches about the base frame's origin of forces (N, L, 3) in the loops, and generalized forces (N, nv)."""
+    found = np.concatenate([forces, np.cross(here.p.transpose(2, 0, 1), forces)], axis=2)
+    return found, np.einsum("lv,nvi,nli->nv", loops.S, here.J, found, optimize=True)
 
 
 def constraint_forces(loops: LoopClosure, here: Here, tau: Floats) -> Floats:
     """(N, L, 3) force of each loop on the body of its second anchor, base frame, N, from generalized forces tau (N, nv)."""
-    equations = loops.equations(here)
-    d, inverse = equations.d, loops.inverse(equations.D)
-    found = np.zeros((loops.count, 3, len(here)))
-    passive = tau[:, loops.solved]
+    found = np.zeros((len(here), loops.count, 3))
     if loops.reduced:
-        sign = loops.S[np.arange(loops.count)[:, None], loops.private]
-        found = np.einsum("nlk,lk,lkin->lin", tau[:, loops.private], sign, equations.alone)
-        along = found.transpose(2, 0, 1)
-        wrenches = np.concatenate([along, np.cross(here.p.transpose(2, 0, 1), along)], axis=2)
-        columns = here.J[:, loops.solved]
-        passive = passive - np.einsum("lv,nvi,nli->nv", loops.S[:, loops.solved], columns, wrenches, optimize=True)
-    f = np.einsum("nve,nv->en", inverse, passive)
+        found = np.einsum("nlk,lk,lkin->nli", tau[:, loops.private], loops.lead, here.equations.alone)
+        tau = tau - _wrenches(loops, here, found)[1]
+    f = np.einsum("nve,nv->ne", here.inverse, tau[:, loops.solved])
     for e, loop in enumerate(loops.loop_of):
-        found[loop] += d[e] * f[e]
-    return found.transpose(2, 0, 1)
+        found[:, loop] += here.equations.d[e].T * f[:, e, None]
+    return found
 
 
 def _on_joints(
@@ -147,8 +135,8 @@ def _on_joints(
 
 def rod_ends(robot: Chain, here: Here) -> tuple[Floats, Floats]:
     """(N, k, 3) joints of the rods on the platform, and (N, k, 3) those on their carriers, base frame, m."""
-    loops = [body.loop for body in robot.rod_bodies]
-    on_platform = here.oMi[:, [body.root for body in robot.rod_bodies], 9:]
+    loops = [rod.loop for rod in robot.rods]
+    on_platform = here.oMi[:, [rod.joint_id for rod in robot.rods], 9:]
     shape = (len(here), len(loops), 3)
     return on_platform.reshape(shape), here.p.transpose(2, 0, 1)[:, loops].reshape(shape)
 
@@ -161,10 +149,10 @@ def _axial(robot: Chain, here: Here, pulled: Floats, outer: Floats | None) -> Fl
     length = np.linalg.norm(along, axis=2)
     u = along / np.where(length > 0.0, length, 1.0)[..., None]
     found = np.zeros(length.shape)
-    for i, body in enumerate(robot.rod_bodies):
-        stretch = np.zeros(len(here)) if body.index_q is None else here.X[:, body.index_q]
+    for i, rod in enumerate(robot.rods):
+        stretch = 0.0 if rod.extension is None else here.X[:, robot.actuators[rod.extension].index_q]
         # Between the carrier joint and the middle, the axial force changes by the weight of the mass that the carrier supports.
-        held = (body.moment + body.sliding * stretch) / length[:, i]
-        on_rod = body.sign * pulled[:, body.loop]
+        held = (rod.moment + rod.sliding * stretch) / length[:, i]
+        on_rod = (1.0 if rod.rod_end else -1.0) * pulled[:, rod.loop]
         found[:, i] = np.einsum("ni,ni->n", on_rod, u[:, i]) + held * np.einsum("ni,ni->n", u[:, i], pull[:, i])
     return found

@@ -65,9 +65,8 @@ class Moving:
     @cached_property
     def response(self) -> Floats:
         """(N, nv, n) G: velocities of Pinocchio's joints by unit velocities of each command."""
-        still, n = np.zeros_like(self._here.g), len(self._here)
-        units = np.eye(self.robot.n_actuators)
-        return np.stack([self._closed(still, np.tile(unit, (n, 1))) for unit in units], axis=2)
+        still, each = np.zeros_like(self._here.g), (len(self._here), 1)
+        return np.stack([self._closed(still, np.tile(unit, each)) for unit in np.eye(self.robot.n_actuators)], axis=2)
 
     def velocities(self, v: Floats) -> Floats:
         """V (N, nv) of Pinocchio's joints."""
@@ -86,13 +85,7 @@ class Moving:
 
     def _closed(self, gaps: Floats, commands: Floats) -> Floats:
         """(N, nv) of Pinocchio's joints, with those of the commands (N, n), that close gaps (L, 3, N) to first order."""
-        loops = self._loops
-        if loops.count:
-            here = replace(self._here, g=gaps)
-            return loops.step(here, loops.equations(here), commands)
-        found = np.zeros((len(commands), self.robot.model.nv))
-        found[:, loops.driven] = commands
-        return np.asarray(found @ loops.fold.T)
+        return self._loops.step(replace(self._here, g=gaps), commands)
 
     def poses(self, frame: Frame) -> tuple[Floats, Floats]:
         """Positions (N, 3), m, and rotations (N, 3, 3) of a frame in the base frame."""
@@ -130,7 +123,7 @@ class Moving:
         V, A = self.velocities(v), self.accelerations(v, a)
         tau, _ = copies(self.robot).inverse_dynamics(self.X, V, A, self._placed.placements)
         tool = np.concatenate([force + self._carried(V, A, payload), moment], axis=1)
-        held = np.einsum("nij,ni->nj", self.jacobian(self._load), tool)
+        held = np.einsum("nij,ni->nj", self.jacobian(frame_of(self.robot, None)), tool)
         return np.asarray(np.einsum("nvi,nv->ni", self.response, tau) - held)
 
     def forces(self, v: Floats, a: Floats, force: Floats, moment: Floats, payload: Floats) -> Forces:
@@ -139,20 +132,18 @@ class Moving:
         Raises `ModelError` if the loops are redundant, so that their forces are not determined.
         """
         robot, V, A = self.robot, self.velocities(v), self.accelerations(v, a)
-        ends = [f for body in robot.rod_bodies for f in ((body.root, pin.SE3.Identity()), robot.anchors[body.tip])]
+        ends = [f for rod in robot.rods for f in ((rod.joint_id, pin.SE3.Identity()), robot.anchors[rod.tip])]
         moved = self.acceleration(ends, V, A)[..., :3].reshape(len(V), -1, 2, 3)
         outer = np.asarray(robot.model.gravity.linear) - 0.25 * moved[:, :, 0] - 0.75 * moved[:, :, 1]
         tool = force + self._carried(V, A, payload)
-        found = loads(self._loops, self._here, self._placed, tool, None, moment, V, A, outer)
-        return Forces(found.actuators, -found.loops, found.rod_forces)
-
-    @property
-    def _load(self) -> Frame:
-        return self.robot.tcp_joint, self.robot.load_placement
+        return loads(self._loops, self._here, self._placed, tool, None, moment, V, A, outer)
 
     def _carried(self, V: Floats, A: Floats, payload: Floats) -> Floats:
         """(N, 3) force of a payload (N,) on the tool: its weight, less what accelerates it."""
-        fall = np.asarray(self.robot.model.gravity.linear) - self.acceleration([self._load], V, A)[:, 0, :3]
+        fall = (
+            np.asarray(self.robot.model.gravity.linear)
+            - self.acceleration([frame_of(self.robot, None)], V, A)[:, 0, :3]
+        )
         return np.asarray(payload[:, None] * fall)
 
     def inertia(self) -> Floats:

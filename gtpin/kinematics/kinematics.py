@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,7 @@ import pinocchio as pin
 from gtpin.errors import AssemblyModeError, ClosureError, ModelError, UnreachableError
 from gtpin.kinematics.closing import SINGULAR, Here, LoopClosure
 from gtpin.kinematics.dynamics import Loads, loads, rod_ends
-from gtpin.kinematics.first_guess import FirstGuess, nodes
+from gtpin.kinematics.first_guess import FirstGuess, halvings, nodes
 from gtpin.kinematics.motion import FrameMotion
 from gtpin.kinematics.placed import Moves, PlacedParts, moves_of, placed_by, rotation, times, twisted
 from gtpin.kinematics.poses import Poses
@@ -25,7 +25,7 @@ from gtpin.typing import Floats, Ints, Mask
 
 MANY = 1000
 """Number of poses from which a fitted first guess saves time."""
-CHUNK = 512
+CHUNK = 256
 """Number of poses that are closed at once: large enough that Python takes little time, small enough for a processor's cache."""
 KEPT, LONGEST_KEPT = 8, 20_000
 """Number of arrays of commands whose configurations are kept, and of commands in one: 28 MB of a Gantry-Tau."""
@@ -107,16 +107,16 @@ class Kinematics:
         """
         n = self.robot.n_actuators
         if q.ndim != 2 or q.shape[1] != n:
-            raise ModelError(
-                f"commands of shape {q.shape} for {self.robot.name}", hint=f"give an array of shape (N, {n})"
-            )
-        X, T, R = self._unknown(len(q))
+            what = f"commands of shape {q.shape} for {self.robot.name}"
+            raise ModelError(what, hint=f"give an array of shape (N, {n})")
+        found, X = self._unknown(len(q))
         begin = np.zeros(len(q))
         near = None if start is None else start.configuration
         if near is None and self.loops.count:
             near = self._kept.get(q.tobytes()) if self._is_plain else nominal(self.robot).known(q)
-        guess = self._guess if near is None and self.loops.count and len(q) >= MANY else None
-        at_once = near is not None or guess is not None or not self.loops.count
+        alone = near is None and self.loops.count
+        guess = self._guess(halvings(self.robot, q)) if alone and len(q) >= MANY else None
+        at_once = not alone or guess is not None
         try:
             for rows in _chunks(np.arange(len(q) if at_once else 0)):
                 placed = self.placed_at(q[rows])
@@ -125,16 +125,16 @@ class Kinematics:
                 else:
                     here, begin[rows] = self._guessed(q[rows], placed, guess)
                     reached, X[rows] = begin[rows] == 1.0, here.X
-                self._write(here, placed, reached, rows, X, T, R)
-            for rows in _chunks(np.flatnonzero(np.isnan(T[:, 0])), 8 * CHUNK):
+                self._write(here, placed, reached, rows, found)
+            for rows in _chunks(np.flatnonzero(~found.reached), 8 * CHUNK):
                 placed = self.placed_at(q[rows])
                 here, reached = self._from_home(self.travel(q[rows]), placed, X[rows], begin[rows])
                 X[rows] = np.nan
-                self._write(here, placed, reached, rows, X, T, R)
+                self._write(here, placed, reached, rows, found)
         except ClosureError:  # its loops are open at home: an assembly mode it has not
             if self._is_plain:
                 raise  # the URDF is wrong, not the commands
-        return self._poses(X, T, R)
+        return found
 
     def known(self, q: Floats) -> Floats:
         """(N, nq) configurations of a robot with loops at commands; NaN where the loops can't be closed.
@@ -163,12 +163,12 @@ class Kinematics:
         ``plain``: the poses at q. ``twists``: by index of a frame, (N, 6) twists in its own axes, m and rad.
         """
         begin = self._configurations(q, plain)
-        X, T, R = self._unknown(len(q))
+        found, _ = self._unknown(len(q))
         for rows in _chunks(np.arange(len(q))):
             placed, moved = self.placed_at(q[rows]), {f: twist[rows] for f, twist in twists.items()}
             here, reached, placed = self._moved(q[rows], begin[rows], commands[rows], placed, moved)
-            self._write(here, placed, reached, rows, X, T, R)
-        return self._poses(X, T, R)
+            self._write(here, placed, reached, rows, found)
+        return found
 
     @cached_property
     def home(self) -> Poses:
@@ -234,18 +234,26 @@ class Kinematics:
     # ------------------------------------------------------------------------------------------- closing
 
     def follow(
-        self, start: Here, q0: Floats, q: Floats, placed: PlacedParts, begin: Floats | None = None
+        self, start: Here, corners: Floats, placed: PlacedParts, begin: Floats | None = None
     ) -> tuple[Here, Mask, Floats]:
-        """Postures at the end of the straight lines of travel from q0 (N, n) to q (N, n); see ``LoopClosure.follow``."""
+        """Postures at the end of polylines of travel through corners (N, c, n); see ``LoopClosure.follow``."""
+        pieces = corners.shape[1] - 1
 
-        def line(s: Floats, rows: Ints) -> tuple[Floats, PlacedParts]:
-            return q0[rows] + s[:, None] * (q[rows] - q0[rows]), placed.take(rows)
+        def polyline(s: Floats, rows: Ints) -> tuple[Floats, PlacedParts]:
+            piece = np.minimum((s * pieces).astype(int), pieces - 1)
+            one, two = corners[rows, piece], corners[rows, piece + 1]
+            travel = one + (s * pieces - piece)[:, None] * (two - one)
+            return travel, self.placed_on_the_way(travel, rows, placed)
 
-        return self.loops.follow(start, line, self._largest, begin=begin)
+        return self.loops.follow(start, polyline, self._largest, begin=begin)
+
+    def placed_on_the_way(self, travel: Floats, rows: Ints, placed: PlacedParts) -> PlacedParts:
+        """Where the parts are at travels (m, n) on the way to some of the postures with ``placed`` parts."""
+        return placed.take(rows)
 
     @cached_property
     def at_home(self) -> Here:
-        """(1) the closed posture at home.
+        """(1) the closed posture at home. Threads share it: what is computed of it is kept elsewhere.
 
         Raises `UnreachableError` if the loops don't close there. `AssemblyModeError` if the loops of the robot's own file close
         far from the home that it gives.
@@ -279,8 +287,7 @@ class Kinematics:
 
     @cached_property
     def _largest(self) -> float:
-        loops = self.loops
-        return SINGULAR * float(loops.amplification(loops.equations(self.at_home).D)[0])
+        return SINGULAR * float(self.loops.amplification(self.loops.equations(self.at_home).D)[0])
 
     def _first(self, q: Floats, placed: PlacedParts, near: Floats | None) -> tuple[Here, Mask]:
         """Postures at commands (N, n) closed at once from those ``near`` (N, nq), and whether they were reached."""
@@ -307,25 +314,19 @@ class Kinematics:
         ``X``: (N, nq) configurations that are known at fractions ``s`` (N,) of the lines; those at 0 need not be given.
         """
         home, q_home = self.at_home, self.travel(self.robot.home_q[None])
-        start, known = _tiled(home, len(q)), np.flatnonzero(s)
+        start, known = home.take(np.zeros(len(q), dtype=int)), np.flatnonzero(s)
         if known.size:
             start.put(known, self.loops.at(X[known], placed.take(known)))
-        found, reached, _ = self.follow(start, np.tile(q_home, (len(q), 1)), q, placed, s)
+        lines = np.stack([np.broadcast_to(q_home, q.shape), q], axis=1)
+        found, reached, _ = self.follow(start, lines, placed, s)
         lost = np.flatnonzero(~reached)
         if not lost.size:
             return found, reached
         ways = _ways_round(self.robot, q_home[0], q[lost])
         if not len(ways):
             return found, reached
-        corners, rows = np.concatenate(ways), np.tile(lost, len(ways))
-
-        def polyline(s: Floats, some: Ints) -> tuple[Floats, PlacedParts]:
-            last = corners.shape[1] - 1
-            piece = np.minimum((s * last).astype(int), last - 1)
-            one, two, w = corners[some, piece], corners[some, piece + 1], (s * last - piece)[:, None]
-            return one + w * (two - one), placed.take(rows[some])
-
-        ends, there, _ = self.loops.follow(_tiled(home, len(rows)), polyline, self._largest)
+        rows = np.tile(lost, len(ways))
+        ends, there, _ = self.follow(home.take(np.zeros(len(rows), dtype=int)), np.concatenate(ways), placed.take(rows))
         first = np.unique(rows[there], return_index=True)[1]
         found.put(rows[there][first], ends.take(np.flatnonzero(there)[first]))
         reached[rows[there]] = True
@@ -353,26 +354,20 @@ class Kinematics:
             reached[rows] = found
         return here, reached, moved
 
-    def _unknown(self, n: int) -> tuple[Floats, Floats, Floats]:
-        """(N, nq) configurations, (N, 3) positions, m, and (N, 1 + l, 3, 3) rotations of TCP and measured links, all NaN."""
-        shapes = (self.robot.model.nq,), (3,), (1 + len(self.robot.measured_links), 3, 3)
-        X, T, R = (np.full((n, *shape), np.nan) for shape in shapes)
-        return X, T, R
+    def _unknown(self, n: int) -> tuple[Poses, Floats]:
+        """N poses, and their (N, nq) configurations, which are those of the poses if there are loops; all NaN."""
+        X, links = np.full((n, self.robot.model.nq), np.nan), self.robot.measured_links
+        found = Poses.unknown(n, (joint.name for joint in self.robot.measured_joints))
+        turns = {link.name: np.full((n, 3, 3), np.nan) for link in links}
+        return replace(found, configuration=X if self.loops.count else None, links=turns), X
 
-    def _write(
-        self, here: Here, placed: PlacedParts, reached: Mask, rows: Ints, X: Floats, T: Floats, R: Floats
-    ) -> None:
-        """Write the postures that were reached, of some rows, into arrays of all."""
-        rows = rows[reached]
-        X[rows] = here.X[reached]
-        R[rows, 0], T[rows] = times(here.oMi[reached, self.robot.tcp_joint], placed.take(reached).tcp)
-        for i, link in enumerate(self.robot.measured_links, 1):
-            R[rows, i] = rotation(here.oMi[reached, link.joint_id]) @ link.rotation
-
-    def _poses(self, X: Floats, T: Floats, R: Floats) -> Poses:
+    def _write(self, here: Here, placed: PlacedParts, reached: Mask, rows: Ints, poses: Poses) -> None:
+        """Write the postures that were reached, of some rows, into poses of all."""
+        X, oMi = here.X[reached], here.oMi
+        R, T = times(oMi[reached, self.robot.tcp_joint], placed.take(reached).tcp)
         joints = {joint.name: joint.coordinates(X) for joint in self.robot.measured_joints}
-        links = {link.name: R[:, i] for i, link in enumerate(self.robot.measured_links, 1)}
-        return Poses(T, R[:, 0], joints, X if self.loops.count else None, links)
+        links = {own.name: rotation(oMi[reached, own.joint_id]) @ own.rotation for own in self.robot.measured_links}
+        poses.put(rows[reached], Poses(T, R, joints, X, links))
 
     def _configurations(self, q: Floats, poses: Poses) -> Floats:
         """(N, nq) configurations of poses at commands q."""
@@ -385,21 +380,28 @@ class Kinematics:
     def _of_tree(self, travel: Floats) -> Floats:
         return self.robot.with_commands(np.tile(self.robot.neutral, (len(travel), 1)), travel)
 
-    @cached_property
-    def _guess(self) -> FirstGuess | None:
-        """The first guess of a robot as its file describes it; None where it is of no use."""
-        if (found := nodes(self.robot)) is None or not self.loops.square:
+    def _guess(self, halved: int) -> FirstGuess | None:
+        """The first guess of a robot as its file describes it, for its ranges halved so often; None where it is of no use.
+
+        Over a small part of the ranges the polynomials are so near that one or two Newton steps are enough.
+        """
+        known: dict[int, FirstGuess | None] = self.robot.memo.setdefault("guesses", {})
+        if halved not in known:
+            known[halved] = self._fitted(halved)
+        return known[halved]
+
+    def _fitted(self, halved: int) -> FirstGuess | None:
+        found = nodes(self.robot, halved) if self.loops.square else None
+        if found is None or (X := self.forward(found[-1]).configuration) is None:
             return None
-        exponents, q = found
-        X, home = self.known(q), self.at_home.X[0]
-        regularity = self._regularity(self.loops.equations(self.loops.at(X, self.placed)).D)
-        guess = FirstGuess.fit(self.robot, exponents, home, q, X, regularity)
-        if guess is not None:
-            here, s = self._guessed(q, self.placed, guess)
-            reached = s == 1.0
-            right = np.abs(here.X[reached] - X[reached]).max(axis=1, initial=0.0) <= SAME
-            guess = guess if right.all() and np.mean(reached) >= USABLE else None
-        return guess
+        regularity = self._regularity(self.loops.at(X, self.placed).equations.D)
+        guess = FirstGuess.fit(self.robot, found, self.at_home.X[0], X, regularity)
+        if guess is None:
+            return None
+        here, s = self._guessed(found[-1], self.placed, guess)
+        reached = s == 1.0
+        right = np.abs(here.X[reached] - X[reached]).max(axis=1, initial=0.0) <= SAME
+        return guess if right.all() and np.mean(reached) >= USABLE else None
 
 
 def nominal(robot: Chain) -> Kinematics:
@@ -451,9 +453,8 @@ def _check_declared_home(robot: Chain, here: Here) -> None:
     turned = float(np.linalg.norm(pin.log3(there.rotation @ pin.exp3(np.array(declared.tcp_rotvec)).T)))
     if off > HOME_OFF or turned > HOME_TURNED:
         far = f"{off:.3g} m" if off > HOME_OFF else f"{turned:.3g} rad"
-        raise AssemblyModeError(
-            f"the loops of {robot.name} close {far} from the home that its URDF tells", hint="mend <home>"
-        )
+        what = f"the loops of {robot.name} close {far} from the home that its URDF tells"
+        raise AssemblyModeError(what, hint="mend <home>")
 
 
 def _ways_round(robot: Chain, home_q: Floats, q: Floats) -> list[Floats]:
@@ -475,8 +476,3 @@ def _chunks(rows: Ints, size: int = CHUNK) -> Iterator[Ints]:
     """The rows in parts that are closed at once; larger ones along paths, of which a few are much longer than the others."""
     for a in range(0, len(rows), size):
         yield rows[a : a + size]
-
-
-def _tiled(here: Here, n: int) -> Here:
-    """A posture n times."""
-    return here.take(np.zeros(n, dtype=int))

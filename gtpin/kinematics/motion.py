@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -36,26 +37,18 @@ class FrameMotion:
             J_tcp = J_tcp @ loops.fold
         J_tcp[:, :3] -= skew(self._T_tcp) @ J_tcp[:, 3:6]
         driven = J_tcp[:, :, loops.driven]
-        if loops.count:
-            equations = loops.equations(here)
-            self._F, inverse = equations.F, loops.inverse(equations.D)
-            self._H = -J_tcp[:, :, loops.solved] @ inverse
-            if robot.measured_joints:
-                own = np.searchsorted(loops.solved, [joint.index_v for joint in robot.measured_joints])
-                self._H = np.concatenate([self._H, -inverse[:, own]], axis=1)
-                driven = np.concatenate([driven, np.zeros((n, len(own), driven.shape[2]))], axis=1)
-            driven = driven + self._H @ loops.by_velocities(here, self._F, loops.driven)
-        self.by_commands: Floats = driven
+        self._F, inverse = here.equations.F, here.inverse
+        self._H = -J_tcp[:, :, loops.solved] @ inverse
+        if robot.measured_joints:
+            own = np.searchsorted(loops.solved, [joint.index_v for joint in robot.measured_joints])
+            self._H = np.concatenate([self._H, -inverse[:, own]], axis=1)
+            driven = np.concatenate([driven, np.zeros((n, len(own), driven.shape[2]))], axis=1)
+        self.by_commands: Floats = driven + self._H @ loops.by_velocities(here, self._F, loops.driven)
         """(N, 6 + 3 l + k, n) motion by each command."""
         self._rows: dict[int, Floats] = {}
 
     def __len__(self) -> int:
         return len(self._oMi)
-
-    @property
-    def size(self) -> int:
-        """6 + 3 l + k: number of components of a motion."""
-        return self._loops.robot.motion_size
 
     def frame(self, index: int) -> tuple[Floats, Floats]:
         """Rotations (N, 3, 3) and origins (N, 3), m, of a frame in the base frame, before its own joint's motion."""
@@ -70,50 +63,41 @@ class FrameMotion:
 
     def by_twist(self, index: int, twist: Floats) -> Floats:
         """(N, 6 + 3 l + k, m) motion by twists (N, 6, m) or (6, m) of one frame, in its own axes."""
-        found = np.zeros((len(self), self.size, twist.shape[-1]))
-        equations = self._changed(index)
-        if len(equations):
-            found += self._H[:, :, equations] @ self._change(index, twist)
-        if self._moves_tcp(index):
-            found[:, :6] += self._carried(index) @ twist
-        for rows in self._turned_links(index):
-            found[:, rows] += self.frame(index)[0] @ twist[..., 3:, :]
-        return found
+        return self._by_twists([(index, np.arange(twist.shape[-1]), twist)], twist.shape[-1])
 
     @cached_property
     def by_rod_lengths(self) -> Floats:
         """(N, 6 + 3 l + k, r) motion by the length of each of r rods."""
-        ways = [self.by_twist(frame, along[:, None]) for frame, along in self._loops.robot.longer_rods]
-        return np.concatenate([np.zeros((len(self), self.size, 0)), *ways], axis=2)
+        rods = self._loops.robot.longer_rods
+        return self._by_twists(
+            [(frame, np.array([i]), along[:, None]) for i, (frame, along) in enumerate(rods)], len(rods)
+        )
 
     def by_parameters(self, moves: Moves, count: int, q: Floats) -> Floats:
         """(N, 6 + 3 l + k, count) motion by the parameters of a geometry, at commands q (N, n)."""
-        if self._loops.count:
-            b = np.zeros((len(self), len(self._loops.loop_of), count))
-            for index, columns, twists in moves.frames:
-                some, changed = _slice(columns), self._change(index, twists)
-                for place, e in enumerate(self._changed(index)):
-                    b[:, e, some] += changed[:, place]
-            found = self._H @ b
-        else:
-            found = np.zeros((len(self), self.size, count))
-        for index, columns, twists in moves.frames:
-            if self._moves_tcp(index):
-                found[:, :6, columns] += self._carried(index) @ twists
-            for rows in self._turned_links(index):
-                found[:, rows, columns] += self.frame(index)[0] @ twists[..., 3:, :]
+        found = self._by_twists(moves.frames, count)
         for column, actuator in moves.scales:
             found[:, :, column] += self.by_commands[:, :, actuator] * q[:, actuator, None]
+        return found
+
+    def _by_twists(self, frames: Sequence[tuple[int, Ints, Floats]], count: int) -> Floats:
+        """(N, 6 + 3 l + k, count) motion by twists of frames; see :class:`~gtpin.kinematics.placed.Moves`."""
+        loops, J = self._loops, self._J
+        b = np.zeros((len(self), len(loops.loop_of), count))
+        for index, columns, twists in frames:
+            signs = self._signs(index)
+            if signs.any():
+                some, changed = _slice(columns), self._change(index, twists, signs)
+                for place, e in enumerate(np.flatnonzero(signs)):
+                    b[:, e, some] += changed[:, place]
+        found = self._H @ b
+        for index, columns, twists in frames:
+            if index == J or (index < J and loops.moves_tcp[index + 1]):
+                found[:, :6, columns] += self._carried(index) @ twists
+            for i, own in enumerate(self._supports):
+                if index < J and index + 1 in own:
+                    found[:, 6 + 3 * i : 9 + 3 * i, columns] += self.frame(index)[0] @ twists[..., 3:, :]
         return np.asarray(found)
-
-    def _moves_tcp(self, index: int) -> bool:
-        return index == self._J or (index < self._J and bool(self._loops.moves_tcp[index + 1]))
-
-    def _turned_links(self, index: int) -> list[slice]:
-        """The components of the measured links that a frame carries."""
-        return [
-            slice(6 + 3 * i, 9 + 3 * i) for i, own in enumerate(self._supports) if index < self._J and index + 1 in own
-        ]
 
     def _carried(self, index: int) -> Floats:
         """(N, 6, 6) motion of the TCP by twists of a frame that carries it."""
@@ -124,23 +108,19 @@ class FrameMotion:
             moved[:, :3, 3:] = -skew(self._T_tcp - T) @ R
         return moved
 
-    def _changed(self, index: int) -> Ints:
-        """The equations that a frame's twists change."""
-        return np.flatnonzero(self._signs(index))
-
     def _signs(self, index: int) -> Floats:
         """(E,) the S of a frame for each equation."""
         loops, anchor = self._loops, index - self._J - 1
-        if not loops.count or index == self._J:
+        if index == self._J:
             return np.zeros(len(loops.loop_of))
         if anchor < 0:
             return np.asarray(loops.signs[loops.loop_of, index + 1])
         return np.where(loops.loop_of == anchor // 2, 1.0 if anchor % 2 else -1.0, 0.0)
 
-    def _change(self, index: int, twist: Floats) -> Floats:
-        """(N, c, m) change of these equations by twists (N, 6, m) or (6, m) of a frame."""
+    def _change(self, index: int, twist: Floats, signs: Floats) -> Floats:
+        """(N, c, m) change of the equations whose sign is not zero by twists (N, 6, m) or (6, m) of a frame."""
         if index not in self._rows:
-            signs, some, (R, T) = self._signs(index), self._changed(index), self.frame(index)
+            some, (R, T) = np.flatnonzero(signs), self.frame(index)
             F = self._F[:, some] * signs[some, None]
             turns = F[:, :, 3:] - np.cross(T[:, None], F[:, :, :3])
             if index > self._J:  # the rotation of an anchor moves nothing

@@ -34,12 +34,8 @@ class PlacedParts:
 
     def take(self, rows: Ints | Mask) -> PlacedParts:
         """The places at some of the postures."""
-        placements, anchors, tcp = self.placements, self.anchors, self.tcp
-        return PlacedParts(
-            placements if placements.ndim == 2 else placements[rows],
-            anchors if anchors.ndim == 2 else anchors[rows],
-            tcp if tcp.ndim == 1 else tcp[rows],
-        )
+        of_all = ((self.placements, 2), (self.anchors, 2), (self.tcp, 1))
+        return PlacedParts(*(x if x.ndim == dimensions else x[rows] for x, dimensions in of_all))
 
 
 def numbers(M: pin.SE3) -> Floats:

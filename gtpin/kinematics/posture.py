@@ -177,7 +177,7 @@ class ClosedPosture:
             if X is not None and np.isfinite(X).all():
                 return ClosedPosture(self.robot, target, X[0], self.frame)
         start = loops.at(self._configuration[None], placed)
-        last, reached, done = kinematics.follow(start, self.q[None], target[None], placed)
+        last, reached, done = kinematics.follow(start, np.stack([self.q, target])[None], placed)
         if not reached.all():
             self._give_up(kinematics, target, last, float(done[0]))
         return ClosedPosture(self.robot, target, last.X[0], self.frame)
@@ -327,7 +327,7 @@ def rod_forces(
     >>> gtpin.rod_forces(model.kinematics, q, model.kinematics.forward(q)).shape
     (1, 6)
     """
-    found = kinematics.loads(q, poses, force, payload).rod_forces
+    found = kinematics.loads(q, poses, force, payload).rods
     if not np.isfinite(found).all():
         raise SingularityError("the rods can't hold the platform at one of the poses", hint="leave it out")
     return found

@@ -23,6 +23,7 @@ from gtpin.robot import library
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
+WANTED = "give (3,), (N, 3), (4, 4) or (N, 4, 4) numbers, or a pinocchio.SE3"
 LARGEST = 1e6
 """Largest command, m or rad: of larger angles a float does not hold a microradian's part."""
 
@@ -33,6 +34,10 @@ class Robot(Chain):
     :func:`load_robot` makes it. Commands are in m for an actuator that slides and in rad for one that turns, in the order of
     :attr:`sites`. Poses are of the TCP frame in the base frame. These are the nominal kinematics; those of a calibrated or
     diagnosed machine are in :class:`~gtpin.model.model.Model`.
+
+    All methods take one row of commands, velocities or accelerations (n,), or N rows (N, n), and give results of one or of N.
+    They raise `ModelError` for an argument of another shape, for what is not finite, and for a frame that there is not, and
+    `ClosureError` if the loops can't be closed at the commands; of many, the message has the index of the first such row.
 
     Parameters
     ----------
@@ -77,13 +82,6 @@ class Robot(Chain):
             Of one command, the :class:`ClosedPosture`: ``T`` (3,) position, m, and ``R`` (3, 3) rotation from the frame to
             the base frame; ``tcp`` is both as ``pinocchio.SE3``. Of many, the :class:`Poses`: ``T`` (N, 3) and ``R`` (N, 3, 3).
 
-        Raises
-        ------
-        ModelError
-            If q has another shape, or is not of finite numbers; if there is no such frame.
-        ClosureError
-            If the loops can't be closed at these commands; of many, the message has the index of the first such row.
-
         Examples
         --------
         >>> import numpy as np
@@ -115,11 +113,6 @@ class Robot(Chain):
         J
             (6, n), or (N, 6, n): position (m), then rotation vector (rad), in the axes of the base frame, per m or rad of each
             command. For an open chain this is Pinocchio's frame Jacobian with ``LOCAL_WORLD_ALIGNED``.
-
-        Raises
-        ------
-        ModelError, ClosureError
-            As :meth:`forward`.
         """
         commands = self._commands(q)
         if commands.ndim == 1:
@@ -142,11 +135,6 @@ class Robot(Chain):
         -------
         velocity
             (6,) or (N, 6): of the frame's origin, m/s, then angular, rad/s, in the axes of the base frame.
-
-        Raises
-        ------
-        ModelError, ClosureError
-            As :meth:`forward`.
         """
         return _like(q, self._moving(q).velocity(frame_of(self, frame), self._with(q, v)))
 
@@ -167,11 +155,6 @@ class Robot(Chain):
         acceleration
             (6,) or (N, 6): of the frame's origin, m/s^2, then angular, rad/s^2, in the axes of the base frame: Pinocchio's
             classical acceleration, in which the passive joints accelerate so that the loops stay closed.
-
-        Raises
-        ------
-        ModelError, ClosureError
-            As :meth:`forward`.
         """
         moving, rates = self._moving(q), (self._with(q, v), self._with(q, a))
         V, A = moving.velocities(rates[0]), moving.accelerations(*rates)
@@ -204,11 +187,6 @@ class Robot(Chain):
         forces
             (n,) or (N, n) force, N, or torque, N m, that each actuator must apply, positive in the direction of its command.
 
-        Raises
-        ------
-        ModelError, ClosureError
-            As :meth:`forward`.
-
         Examples
         --------
         >>> import gtpin
@@ -231,8 +209,8 @@ class Robot(Chain):
 
         Raises
         ------
-        ModelError, ClosureError
-            As :meth:`forward`; `ModelError` too if the loops are redundant, so that nothing determines their forces.
+        ModelError
+            Also if the loops are redundant, so that nothing determines their forces.
         """
         found = self._moving(q).forces(*self._loaded(q, v, a, force, moment, payload))
         return Forces(*(_like(q, part) for part in (found.actuators, found.loops, found.rods)))
@@ -250,11 +228,6 @@ class Robot(Chain):
         M
             (n, n) or (N, n, n): the kinetic energy is v' M v / 2 at velocities v (n,) of the commands; kg where the two
             actuators slide, kg m^2 where they turn, kg m where one slides and one turns.
-
-        Raises
-        ------
-        ModelError, ClosureError
-            As :meth:`forward`.
         """
         return _like(q, self._moving(q).inertia())
 
@@ -279,8 +252,6 @@ class Robot(Chain):
 
         Raises
         ------
-        ModelError
-            If an argument has another shape.
         UnreachableError
             If no such commands were found; of many poses, the message has the index of the first such row.
 
@@ -424,13 +395,12 @@ def _wanted(T: Any, R: npt.ArrayLike | None) -> tuple[Floats, Floats | None]:
         return T.T, T.R
     if R is None and isinstance(T, pin.SE3):
         return np.array(T.translation), np.array(T.rotation)
-    wanted = real(T, "wanted poses", "give (3,), (N, 3), (4, 4) or (N, 4, 4) numbers, or a pinocchio.SE3")
+    wanted = real(T, "wanted poses", WANTED)
     rotations = None if R is None else real(R, "wanted rotations")
     if rotations is None and wanted.ndim in (2, 3) and wanted.shape[-2:] == (4, 4):
         return wanted[..., :3, 3], wanted[..., :3, :3]
     if wanted.ndim not in (1, 2) or wanted.shape[-1] != 3:
-        hint = "give (3,), (N, 3), (4, 4) or (N, 4, 4) numbers, or a pinocchio.SE3"
-        raise ModelError(f"wanted poses of shape {wanted.shape}", hint=hint)
+        raise ModelError(f"wanted poses of shape {wanted.shape}", hint=WANTED)
     if rotations is not None and rotations.shape != (*wanted.shape[:-1], 3, 3):
         hint = "give one 3 x 3 matrix for each position"
         raise ModelError(f"wanted rotations of shape {rotations.shape} for positions {wanted.shape}", hint=hint)

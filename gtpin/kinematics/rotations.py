@@ -29,16 +29,8 @@ def frame_motions(T: Floats) -> Floats:
 
 
 def exp(vectors: Floats) -> Floats:
-    """(..., 3, 3) rotation matrices of rotation vectors (..., 3), rad (Rodrigues)."""
-    angle2 = np.einsum("...i,...i->...", vectors, vectors)
-    angle = np.sqrt(angle2)
-    small = angle2 < 1e-8
-    safe = np.where(small, 1.0, angle)
-    sine = np.where(small, 1.0 - angle2 / 6.0, np.sin(safe) / safe)
-    versine = np.where(small, 0.5 - angle2 / 24.0, 2.0 * (np.sin(safe / 2.0) / safe) ** 2)
-    K = skew(vectors)
-    result: Floats = np.eye(3) + sine[..., None, None] * K + versine[..., None, None] * (K @ K)
-    return result
+    """(..., 3, 3) rotation matrices of rotation vectors (..., 3), rad."""
+    return np.asarray(Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()).reshape(*vectors.shape, 3)
 
 
 def log(matrices: Floats) -> Floats:
@@ -57,8 +49,7 @@ def log(matrices: Floats) -> Floats:
 
 
 def left_jacobian(vectors: Floats) -> Floats:
-    """(..., 3, 3) matrices that take a change of rotation vectors (..., 3) to the rotation vectors, in the fixed frame, of the
-    change."""
+    """(..., 3, 3) matrices from changes of rotation vectors (..., 3) to rotation vectors of the changes, in the fixed frame."""
     return _integral(skew(vectors))
 
 
@@ -124,13 +115,9 @@ def zyz_rates(R: Floats) -> Floats:
 
     It is unbounded near beta = 0 and pi, where the angles are singular.
     """
-    alpha, beta, _ = zyz(R).T
+    alpha = zyz(R)[:, 0]
     axes = np.zeros((len(R), 3, 3))  # columns: the axes of the rotations alpha, beta and gamma
     axes[:, 2, 0] = 1.0
     axes[:, 0, 1], axes[:, 1, 1] = -np.sin(alpha), np.cos(alpha)
-    axes[:, 0, 2], axes[:, 1, 2], axes[:, 2, 2] = (
-        np.cos(alpha) * np.sin(beta),
-        np.sin(alpha) * np.sin(beta),
-        np.cos(beta),
-    )
+    axes[:, :, 2] = R[:, :, 2]
     return np.asarray(np.linalg.inv(axes))

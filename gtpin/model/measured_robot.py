@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gtpin.data import Dataset
 from gtpin.errors import DatasetError, ModelError, RobotError, listed
-from gtpin.robot.chain import Chain, readable
+from gtpin.robot.chain import Chain
 from gtpin.robot.library import load_robot
 
 PLACES = ("platform", "frame")
@@ -76,7 +76,7 @@ def measuring(robot: Chain, dataset: Dataset) -> Chain:
             (j for t in tables for j in t.measured_joints), (k for t in tables for k in t.measured_links)
         )
     except RobotError as error:
-        known = {*readable(robot), *robot.links}
+        known = {*robot.readable, *robot.links}
         read = [(*table.measured_joints, *table.measured_links) for table in tables]
         number = next(i for i, names in enumerate(read) if not known.issuperset(names))
         column = f"instrument.{number}.{error.column}"

@@ -210,16 +210,9 @@ class PaperKinematics(Kinematics):
                 moved[:, :, rod.carrier] += at.by_twist(frame_of_anchor(self.robot, rod.seat), twist)[..., 0]
         return np.asarray(moved)
 
-    def follow(
-        self, start: Here, q0: Floats, q: Floats, placed: PlacedParts, begin: Floats | None = None
-    ) -> tuple[Here, Mask, Floats]:
-        """As that of `Kinematics`, with the joints on the carriers at C(q) all along the line."""
-
-        def line(s: Floats, rows: Ints) -> tuple[Floats, PlacedParts]:
-            travel = q0[rows] + s[:, None] * (q[rows] - q0[rows])
-            return travel, self.placed_at(travel / self._drives)
-
-        return self.loops.follow(start, line, self._largest, begin=begin)
+    def placed_on_the_way(self, travel: Floats, rows: Ints, placed: PlacedParts) -> PlacedParts:
+        """The joints on the carriers at C(q) all along the way."""
+        return self.placed_at(travel / self._drives)
 
     def _from_home(self, q: Floats, placed: PlacedParts, X: Floats, s: Floats) -> tuple[Here, Mask]:
         rows, reached = np.flatnonzero(~self.geometry.outside(q)), np.zeros(len(q), dtype=bool)

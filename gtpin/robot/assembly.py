@@ -10,8 +10,9 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import listed
-from gtpin.robot.constrained_model import POSTURES, ConstrainedModel, in_planes, joint_jacobian
+from gtpin.robot.constrained_model import POSTURES, ConstrainedModel, limits
 from gtpin.robot.description import LEVER
+from gtpin.robot.resting import joint_jacobian
 from gtpin.typing import Floats
 
 NEAR = 0.02
@@ -126,12 +127,11 @@ def _without_redundant(robot: ConstrainedModel, configuration: Floats, notes: li
     rng = np.random.default_rng(0)
     nudged = [robot.home_q + NUDGE * rng.uniform(-1.0, 1.0, robot.n_actuators) for _ in range(POSTURES)]
     near = [exact, *(closest(robot, robot.with_commands(exact, q))[0] for q in nudged)]
-    before, planes = robot.planes, robot.planes_of(robot.relative_motions(near), ROUNDED)
-    planes = tuple(own if len(own) else new for own, new in zip(before, planes, strict=True))
-    robot.leave_open(planes)
+    before, planes = robot.closing(np.eye(len(robot.gaps()))), robot.planes_of(robot.relative_motions(near), ROUNDED)
+    robot.leave_open(tuple(own if len(own) else new for own, new in zip(robot.planes, planes, strict=True)))
     found, gap = closest(robot, exact)
     _gaps(robot, found)
-    left = float(np.abs(in_planes(before) @ robot.gaps()).max(initial=0.0))
+    left = float(np.abs(before @ robot.gaps()).max(initial=0.0))
     if left > CLOSED * robot.size:
         notes.append(_left_open(robot, found, left))
     return found, gap
@@ -140,12 +140,10 @@ def _without_redundant(robot: ConstrainedModel, configuration: Floats, notes: li
 def _check_frames(robot: ConstrainedModel, configuration: Floats, gap: float, notes: list[str]) -> None:
     """Refuse frames of loops of type ``fixed`` whose points stay open by a gap, m; ``notes`` gets the angles that are left."""
     if gap > tolerance(robot):
-        what = (
-            f"the frames of the loops of {robot.name} don't meet: {gap:.3g} m is the smallest gap found of their points"
-        )
-        raise robot.description.error(
-            what, f"mend the joints or the frames; up to {tolerance(robot):.2g} m is rounding"
-        )
+        found = f"{gap:.3g} m is the smallest gap found of their points"
+        rounding = f"up to {tolerance(robot):.2g} m is rounding"
+        what = f"the frames of the loops of {robot.name} don't meet: {found}"
+        raise robot.description.error(what, f"mend the joints or the frames; {rounding}")
     _gaps(robot, configuration)
     loops = robot.description.loops
     left = {loop.name: own for loop, own in zip(loops, robot.gaps().reshape(-1, 3), strict=True)}
@@ -240,10 +238,9 @@ def _ranges(robot: ConstrainedModel, start: Floats) -> tuple[Floats, Floats]:
     model = robot.model
     lower, upper = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
     for joint in range(1, model.njoints):
-        v, q = int(model.idx_vs[joint]), int(model.idx_qs[joint])
-        low, high = (float(limits[q]) for limits in (model.lowerPositionLimit, model.upperPositionLimit))
-        if model.nqs[joint] == 1 and low < high:
-            lower[v], upper[v] = low - start[q], high - start[q]
+        if model.nvs[joint] == 1:
+            v, at = int(model.idx_vs[joint]), start[model.idx_qs[joint]]
+            lower[v], upper[v] = (end - at for end in limits(model, joint))
     return lower[robot.passive], upper[robot.passive]
 
 
@@ -259,8 +256,15 @@ def _within_a_turn(robot: ConstrainedModel, moved: Floats, lower: Floats, upper:
 
 
 def _which(robot: ConstrainedModel, found: list[Floats]) -> str:
+    def home(configuration: Floats) -> str:
+        if not urdf:
+            return _coordinates(robot, configuration)
+        numbers = home_attributes(robot, configuration, robot.home_joint, robot.home_placement, digits=6)
+        written = " ".join(f'{key}="{value}"' for key, value in numbers.items())
+        return f"<home {written}/>"
+
     urdf = robot.description.kind == "urdf"
-    homes = list(dict.fromkeys(_home_element(robot, one) if urdf else _coordinates(robot, one) for one in found))
+    homes = list(dict.fromkeys(map(home, found)))
     more = f", and {len(homes) - SHOWN} more" if len(homes) > SHOWN else ""
     others = f"; others are {', '.join(homes[1:SHOWN])}{more}" if len(homes) > 1 else ""
     where, start = f"{robot.name} has no <home>, and its loops don't close with its passive joints at zero", "zero"
@@ -277,15 +281,8 @@ def _which(robot: ConstrainedModel, found: list[Floats]) -> str:
 def _coordinates(robot: ConstrainedModel, configuration: Floats) -> str:
     """The coordinates of the passive joints, m or rad, with their names."""
     moved = pin.difference(robot.model, robot.neutral, configuration)
-    joints = [j for j in range(1, robot.model.njoints) if robot.model.nvs[j] == 1]
-    joints = [j for j in joints if robot.model.idx_vs[j] in robot.passive]
+    joints = (robot.model.getJointId(name) for name in robot.readable)
     return " ".join(f"{robot.model.names[j]}={moved[robot.model.idx_vs[j]]:.4g}" for j in joints)
-
-
-def _home_element(robot: ConstrainedModel, configuration: Floats) -> str:
-    numbers = home_attributes(robot, configuration, robot.home_joint, robot.home_placement, digits=6)
-    written = " ".join(f'{key}="{value}"' for key, value in numbers.items())
-    return f"<home {written}/>"
 
 
 def home_attributes(
@@ -402,12 +399,8 @@ def _null_space(matrix: Floats, zero: float = ZERO) -> Floats:
 
 def _named(robot: ConstrainedModel, free: Floats) -> str:
     """Names and weights of the joints that take part in some motions: a joint that alone makes one up has a weight of 1."""
+    owners = np.repeat(list(robot.model.names), list(robot.model.nvs))[robot.passive]
     weights = np.linalg.norm(free, axis=1)
-    by_velocity = {int(v): joint for joint, v in enumerate(robot.model.idx_vs) if joint}
-    joints: dict[str, float] = {}
-    for velocity, weight in zip(robot.passive, weights, strict=True):
-        first = max(v for v in by_velocity if v <= velocity)
-        name = str(robot.model.names[by_velocity[first]])
-        joints[name] = max(joints.get(name, 0.0), float(weight))
+    joints = {str(name): float(weights[owners == name].max()) for name in dict.fromkeys(owners)}
     named = sorted((name for name in joints if joints[name] >= NEGLIGIBLE), key=lambda name: -joints[name])
     return listed([f"{name} ({joints[name]:.2f})" for name in named], NAMED)

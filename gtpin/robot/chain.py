@@ -19,7 +19,7 @@ from gtpin.robot.constrained_model import ConstrainedModel, joint_axis
 from gtpin.robot.description import RobotDescription
 from gtpin.robot.placement_frames import frame_of_anchor, frame_of_joint, frame_of_tcp, shift
 from gtpin.robot.resting import coordinates, with_actuators
-from gtpin.robot.rods import Rod, RodBody, rod_body, rods
+from gtpin.robot.rods import Rod, rods
 from gtpin.typing import Floats
 
 
@@ -47,44 +47,32 @@ class MeasuredJoint:
         return np.asarray(np.arctan2(X[:, self.index_q + 1], here) if self.continuous else here.copy())
 
 
-def readable(robot: ConstrainedModel) -> tuple[str, ...]:
-    """Names of the joints that can be measured: those of one coordinate that nothing but the loops moves."""
-    model = robot.model
-    joints = [j for j in range(1, model.njoints) if model.nvs[j] == 1]
-    return tuple(model.names[j] for j in joints if model.idx_vs[j] in robot.passive)
-
-
 def measured_joint(robot: ConstrainedModel, name: str) -> MeasuredJoint:
     """The passive joint of a name.
 
     Raises `RobotError` if there is none: no such joint, or one that is driven, fixed, follows another, or has several
     coordinates.
     """
-    model, known = robot.model, readable(robot)
+    model, known = robot.model, robot.readable
     if name in known:
         joint_id = int(model.getJointId(name))
         turns = bool(joint_axis(model, joint_id)[3:].any())
         index_q, index_v = int(model.idx_qs[joint_id]), int(model.idx_vs[joint_id])
         return MeasuredJoint(name, joint_id, index_q, index_v, turns, bool(model.nqs[joint_id] == 2))
-    hint = (
-        f"joints that can be read: {listed(known)}" if known else "no joint of this robot is moved by its loops alone"
-    )
-    raise RobotError(_why_not(robot, name), column="joint", hint=hint)
-
-
-def _why_not(robot: ConstrainedModel, name: str) -> str:
-    model = robot.model
-    for number, actuator in enumerate(robot.actuators):
-        if name == actuator.joint:
-            return f"joint {name} is driven by q{number + 1}: an encoder reads a joint that nothing drives"
-    for mimic in robot.description.tree.mimics:
-        if name == mimic.joint:
-            return f"joint {name} follows {mimic.master} by <mimic>: an encoder reads a joint that only loops move"
-    if model.existJointName(name):
-        return f"joint {name} has {model.nvs[model.getJointId(name)]} coordinates: an encoder reads one"
-    if model.existFrame(name, pin.FrameType.FIXED_JOINT):
-        return f"joint {name} does not move: it is fixed, or no command and no loop moves it"
-    return f"{robot.name} has no joint {name!r}"
+    driven = {actuator.joint: f"q{number}" for number, actuator in enumerate(robot.actuators, 1)}
+    masters = {mimic.joint: mimic.master for mimic in robot.description.tree.mimics}
+    if name in driven:
+        why = f"joint {name} is driven by {driven[name]}: an encoder reads a joint that nothing drives"
+    elif name in masters:
+        why = f"joint {name} follows {masters[name]} by <mimic>: an encoder reads a joint that only loops move"
+    elif model.existJointName(name):
+        why = f"joint {name} has {model.nvs[model.getJointId(name)]} coordinates: an encoder reads one"
+    elif model.existFrame(name, pin.FrameType.FIXED_JOINT):
+        why = f"joint {name} does not move: it is fixed, or no command and no loop moves it"
+    else:
+        why = f"{robot.name} has no joint {name!r}"
+    can = f"joints that can be read: {listed(known)}" if known else "no joint of this robot is moved by its loops alone"
+    raise RobotError(why, column="joint", hint=can)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +88,7 @@ class MeasuredLink:
 def measured_link(robot: ConstrainedModel, name: str) -> MeasuredLink:
     """The link of a name. Raises `RobotError` if there is none; it names those with similar names."""
     if name in robot.links:
-        frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
+        frame = robot.link(name)
         return MeasuredLink(name, int(frame.parentJoint), np.array(frame.placement.rotation))
     close = difflib.get_close_matches(name, robot.links, n=3)
     hint = f"did you mean {' or '.join(close)}?" if close else f"links are {listed(robot.links)}"
@@ -171,7 +159,7 @@ def on_link(robot: ConstrainedModel, end: int) -> pin.SE3:
     if end < tcp:
         return robot.model.jointPlacements[end + 1]
     if end == tcp:
-        return robot.load_placement
+        return robot.tcp_placement
     anchor = end - frame_of_anchor(robot, 0)
     return pin.SE3(robot.anchor_axes[anchor], robot.anchors[anchor][1].translation)
 
@@ -237,11 +225,6 @@ class Chain(ConstrainedModel):
         return tuple(rod.seat for rod in self.rods)
 
     @cached_property
-    def rod_bodies(self) -> tuple[RodBody, ...]:
-        """The rods as bodies between two points, with their masses."""
-        return tuple(rod_body(self, rod) for rod in self.rods)
-
-    @cached_property
     def longer_rods(self) -> tuple[tuple[int, Floats], ...]:
         """By rod, the frame of the anchor at its end, and (6,) the twist of this frame per growth of the rod, m/m."""
         ways = ((rod.tip, self.anchor_axes[rod.tip].T @ rod.along) for rod in self.rods)
@@ -295,11 +278,8 @@ class Chain(ConstrainedModel):
     def rods_at(self, site: str) -> list[int]:
         """Indices of the rods of a site: the rods that an actuator moves, one rod, or all rods for ``arm``."""
         actuator = self.sites.index(site) if site in self.sites else -1
-        return [
-            i
-            for i, rod in enumerate(self.rods)
-            if site in ("arm", rod.site) or actuator in (rod.carrier, rod.extension)
-        ]
+        own = (site in ("arm", rod.site) or actuator in (rod.carrier, rod.extension) for rod in self.rods)
+        return [i for i, one in enumerate(own) if one]
 
     @property
     def motion_size(self) -> int:

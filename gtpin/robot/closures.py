@@ -8,7 +8,7 @@ lists in brackets, as that project and gtpin's export write them.
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 from xml.etree.ElementTree import Element, SubElement, tostring
@@ -43,8 +43,11 @@ def urdf_with_loops(file: Path, parse: Callable[[str, str], Element]) -> str:
     pairs = _pairs(file, rows)
     _replace_joints(file, root, rows)
     drives = _names(file, rows, "name_mot")
-    if written := root.findall("loop_joint"):
-        _check_written(file, [loop.get("name", "") for loop in written], pairs)
+    if written := [loop.get("name", "") for loop in root.findall("loop_joint")]:
+        if sorted(pairs) != sorted((f"{loop}{ENDS[0]}", f"{loop}{ENDS[1]}") for loop in written):
+            what = f"closed_loop is not what the URDF's <loop_joint>s are: {', '.join(written)}"
+            hint = "leave <loop_joint> out of the URDF, or export both"
+            raise RobotError(what, file=file, column="closed_loop", hint=hint)
     else:
         for number, (pair, kind) in enumerate(pairs.items()):
             _add_loop(file, root, f"loop{number + 1}", pair, TYPES[kind])
@@ -85,9 +88,8 @@ def _values(file: Path) -> dict[str, tuple[int, object]]:
             raise RobotError("no key with a list", file=file, row=row, hint=lists) from None
     for key in READ:
         if key not in found:
-            raise RobotError(
-                f"the key {key} is missing", file=file, column=key, hint="give the robot.yaml of the robot"
-            )
+            what, hint = f"the key {key} is missing", "give the robot.yaml of the robot"
+            raise RobotError(what, file=file, column=key, hint=hint)
     if other := sorted(found.keys() - {*READ, *JOINTS}):
         _refuse(file, found, other[0], f"{other[0]}: gtpin reads {', '.join((*READ, *JOINTS))} only", "leave it out")
     return found
@@ -107,9 +109,8 @@ def _replace_joints(file: Path, root: Element, rows: dict[str, tuple[int, object
         if joint is None:
             _refuse(file, rows, JOINTS[0], f"the URDF has no joint {name}", "mend the name")
         if not set(axes) <= set("XYZ"):
-            _refuse(
-                file, rows, JOINTS[1], f"joints of type {kind[:20]} are not read", "write SPHERICAL, UJOINT_XY or FIXED"
-            )
+            what = f"joints of type {kind[:20]} are not read"
+            _refuse(file, rows, JOINTS[1], what, "write SPHERICAL, UJOINT_XY or FIXED")
         for part in [part for part in joint if part.tag in ("axis", "limit", "mimic")]:
             joint.remove(part)
         joint.set("type", "continuous" if axes else "fixed")
@@ -138,9 +139,8 @@ def _pairs(file: Path, rows: dict[str, tuple[int, object]]) -> dict[tuple[str, s
     pairs: list[tuple[str, str]] = []
     for pair in value if isinstance(value, list) else [None]:
         if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(name, str) and name for name in pair):
-            _refuse(
-                file, rows, "closed_loop", "closed_loop is no list of pairs", "write it as [['a', 'b'], ['c', 'd']]"
-            )
+            what = "closed_loop is no list of pairs"
+            _refuse(file, rows, "closed_loop", what, "write it as [['a', 'b'], ['c', 'd']]")
         pairs.append((pair[0], pair[1]))
     if len(kinds) != len(pairs):
         what = f"{len(kinds)} types for {len(pairs)} loops"
@@ -153,26 +153,14 @@ def _pairs(file: Path, rows: dict[str, tuple[int, object]]) -> dict[tuple[str, s
     return found
 
 
-def _check_written(file: Path, loops: list[str], pairs: Collection[tuple[str, str]]) -> None:
-    """Check that the pairs are those of a URDF that gtpin exported, which has the loops too."""
-    expected = [tuple(f"{loop}{end}" for end in ENDS) for loop in loops]
-    if sorted(pairs) != sorted(expected):
-        what = f"closed_loop is not what the URDF's <loop_joint>s are: {', '.join(loops)}"
-        raise RobotError(
-            what, file=file, column="closed_loop", hint="leave <loop_joint> out of the URDF, or export both"
-        )
-
-
 def _add_loop(file: Path, root: Element, name: str, pair: tuple[str, str], kind: str) -> None:
     """Write a loop of a type of ``<loop_joint>``."""
     loop = SubElement(root, "loop_joint", name=name, type=kind)
     links = {link.get("name", "") for link in root.findall("link")}
     children = {joint.get("name", ""): joint.find("child") for joint in root.findall("joint")}
     for tag, frame in zip(("link1", "link2"), pair, strict=True):
-        child = children.get(frame)
-        link = (
-            frame if frame in links or child is None else child.get("link", "")
-        )  # a joint's frame is that of its child
+        child = children.get(frame)  # a joint's frame is that of its child
+        link = frame if frame in links or child is None else child.get("link", "")
         if link not in links:
             what = f"the URDF has no link and no joint {frame!r}"
             raise RobotError(what, file=file, column="closed_loop", hint="name two frames for each loop")

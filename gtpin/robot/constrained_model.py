@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
+from scipy.linalg import block_diag
 
 from gtpin.errors import RobotError, listed, warn
 from gtpin.robot.description import ActuatorElement, Anchor, RobotDescription
-from gtpin.robot.resting import followers, moving_model, neutral, put
+from gtpin.robot.resting import followers, joint_jacobian, moving_model, neutral, put
 from gtpin.typing import Floats, Mask
 
 POSTURES = 6
@@ -68,22 +69,8 @@ def axes_of(normals: Floats) -> Floats:
     return np.asarray(np.linalg.svd(normals)[2][len(normals) :])
 
 
-def in_planes(normals: tuple[Floats, ...]) -> Floats:
-    """(m, 3 L) matrix that gives the closure equations, from the vectors between the anchors of L loops.
-
-    Of three components of a vector, those along the normals (k, 3) of a loop are no equations.
-    """
-    blocks = [axes_of(normal) for normal in normals]
-    found = np.zeros((sum(map(len, blocks)), 3 * len(blocks)))
-    row = 0
-    for i, block in enumerate(blocks):
-        found[row : row + len(block), 3 * i : 3 * i + 3] = block
-        row += len(block)
-    return found
-
-
 FARTHEST = 1e5
-"""Distance of a joint from the base, m, from which a robot is refused."""
+"""Distance of a joint from the base, m, from which rounding errors spoil a calibration, so that a robot is refused."""
 
 
 @dataclass(frozen=True)
@@ -147,10 +134,8 @@ class ConstrainedModel:
     followers : tuple of Follower
         Joints that follow others, whose coordinates are neither driven nor passive: see :meth:`folded`.
     tcp_joint, tcp_placement
-        The joint that carries the TCP frame, and the frame's placement on it.
-    load_placement
-        Placement, on ``tcp_joint``, of the TCP of the URDF. Payloads and tool forces act there, also where the measured target
-        is elsewhere.
+        The joint that carries the TCP frame, and the frame's placement on it. Payloads and tool forces act there, also where
+        the measured target is elsewhere.
     planes : tuple of (k, 3) arrays
         For each loop the directions, in the frame of its first anchor, in which it is left open: the normal of a planar loop.
     home_joint, home_placement
@@ -192,9 +177,7 @@ class ConstrainedModel:
         self.driven = driven
         self._index_q = np.array([actuator.index_q for actuator in self.actuators])
         self._continuous = [i for i, a in enumerate(self.actuators) if self.model.nqs[a.joint_id] == 2]
-        self._led = [
-            (driven.index(follower.master_v), follower) for follower in self.followers if follower.master_v in driven
-        ]
+        self._led = [(driven.index(led.master_v), led) for led in self.followers if led.master_v in driven]
         self.passive = np.setdiff1d(np.arange(self.model.nv), driven + [led.index_v for led in self.followers])
         self.n_passive = len(self.passive)
         if tcp is not None and tcp not in self.links:
@@ -205,11 +188,10 @@ class ConstrainedModel:
             others = [link for link in description.tree.ends if link != self.tcp_frame]
             what = f"{self.name} names no TCP: {self.tcp_frame} is taken, and there are also {listed(others, 6)}"
             warn(f"{what}; name it (tcp, --tcp)")
-        self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame, (0, 0, 0), (0, 0, 0)))
-        self.load_placement = self.tcp_placement
+        self.tcp_joint, self.tcp_placement = self._placement(Anchor(self.tcp_frame))
         home = description.home.link if description.home else None
         named = home or description.tcp or description.platform or self.tcp_frame
-        self.home_joint, self.home_placement = self._placement(Anchor(named, (0, 0, 0), (0, 0, 0)))
+        self.home_joint, self.home_placement = self._placement(Anchor(named))
         self.anchors = tuple(self._placement(anchor) for anchor in self._anchor_elements)
         pairs = zip(self.anchors[::2], self.anchors[1::2], strict=True)
         self.constraints = tuple(pin.PointAnchorConstraintModel(self.model, *a, *b) for a, b in pairs)
@@ -218,8 +200,13 @@ class ConstrainedModel:
             self.constraint_models.append(pin.ConstraintModel(constraint))
         self.size = float(max([1.0] + [np.abs(placement.translation).max() for placement in self.data.oMi]))
         """Largest coordinate of a joint with all commands zero, base frame, but at least 1, m. Rounding errors grow with it."""
-        self._check_size()
-        self._check_home()
+        for name, placement in zip(self.model.names, self.data.oMi, strict=True):
+            where = np.abs(placement.translation).max()
+            if not where < FARTHEST:
+                raise description.error(f"joint {name} is {where:g} m from the base", "lengths are in m")
+        if (at_home := description.home) and len(at_home.q) != self.n_actuators:
+            what = f"home has {len(at_home.q)} commands for {self.n_actuators} actuators"
+            raise description.error(what, "mend <home q>")
         moving = self.constraints and not (self.description.planes or self.description.rods)
         motions = self.relative_motions(postures(self.model, self.neutral)) if moving else np.zeros((0, 0))
         pin.computeJointJacobians(self.model, self.data, self.neutral)
@@ -228,11 +215,11 @@ class ConstrainedModel:
     def leave_open(self, planes: tuple[Floats, ...]) -> None:
         """Close each loop only across the directions ``planes`` (k, 3), in the frame of its first anchor."""
         self.planes = planes
-        self._in_planes = in_planes(planes)
-        self.seeking: Floats = np.vstack([self._in_planes, self._levers()])
-        """(m + k, 3 L) as the matrix of :meth:`closing`, with equations for loops of type ``fixed`` that tell half turns."""
         self.closed_axes = tuple(axes_of(normals) for normals in planes)
         """By loop, the (e, 3) directions in which it is closed, in the frame of its first anchor: of a planar loop two."""
+        self._in_planes = block_diag(*self.closed_axes) if planes else np.zeros((0, 0))
+        self.seeking: Floats = np.vstack([self._in_planes, self._levers()])
+        """(m + k, 3 L) as the matrix of :meth:`closing`, with equations for loops of type ``fixed`` that tell half turns."""
 
     @property
     def _anchor_elements(self) -> list[Anchor]:
@@ -248,8 +235,8 @@ class ConstrainedModel:
     @cached_property
     def anchor_axes(self) -> Floats:
         """(2 L, 3, 3) rotation from the frame of each anchor's link to the frame of the joint that carries it."""
-        frames = (self.model.getFrameId(anchor.link, pin.FrameType.BODY) for anchor in self._anchor_elements)
-        return np.array([self.model.frames[frame].placement.rotation for frame in frames]).reshape(-1, 3, 3)
+        links = (self.link(anchor.link) for anchor in self._anchor_elements)
+        return np.array([link.placement.rotation for link in links]).reshape(-1, 3, 3)
 
     @property
     def n_actuators(self) -> int:
@@ -265,6 +252,10 @@ class ConstrainedModel:
     def links(self) -> tuple[str, ...]:
         """Names of its links."""
         return tuple(frame.name for frame in self.model.frames if frame.type == pin.FrameType.BODY)
+
+    def link(self, name: str) -> pin.Frame:
+        """The frame of a link on the joint that carries it."""
+        return self.model.frames[self.model.getFrameId(name, pin.FrameType.BODY)]
 
     @property
     def lower(self) -> Floats:
@@ -290,8 +281,7 @@ class ConstrainedModel:
     @cached_property
     def whole_turns(self) -> Mask:
         """(nv,) whether a whole turn of a joint changes nothing: it turns about one axis, and its followers by whole turns."""
-        model = self.model
-        found = np.zeros(model.nv, dtype=bool)
+        model, found = self.model, np.zeros(self.model.nv, dtype=bool)
         for joint in range(1, model.njoints):
             if model.nvs[joint] == 1:
                 found[model.idx_vs[joint]] = joint_axis(model, joint)[3:].any()
@@ -310,6 +300,13 @@ class ConstrainedModel:
         supports = self.model.supports
         ends = ((set(supports[c.joint1_id]), set(supports[c.joint2_id])) for c in self.constraints)
         return tuple(sorted({int(j) for one, other in ends for j in one ^ other} - {0}))
+
+    @property
+    def readable(self) -> tuple[str, ...]:
+        """Names of the joints that can be measured: those of one coordinate that nothing but the loops moves."""
+        model = self.model
+        joints = (j for j in range(1, model.njoints) if model.nvs[j] == 1 and model.idx_vs[j] in self.passive)
+        return tuple(model.names[j] for j in joints)
 
     @property
     def moving_joints(self) -> tuple[int, ...]:
@@ -398,10 +395,8 @@ class ConstrainedModel:
             return self.description.actuators
         if self.description.loops:
             where = "in its <actuator>" if self.description.kind == "mjcf" else "in a <gtpin> element"
-            raise self.description.error(
-                "loops but no actuators",
-                f"name the driven joints {where}, or where it is used: --actuators, or actuators in dataset.toml",
-            )
+            hint = f"name the driven joints {where}, or where it is used: --actuators, or actuators in dataset.toml"
+            raise self.description.error("loops but no actuators", hint)
         names = self.description.tree.moving
         if not names:
             raise self.description.error("nothing moves", "give the robot a moving joint")
@@ -414,51 +409,30 @@ class ConstrainedModel:
             raise self.description.error(f"no moving joint is called {element.joint}", hint)
         joint_id = int(model.getJointId(element.joint))
         if model.nvs[joint_id] != 1:
-            raise self.description.error(
-                f"actuator {element.joint} has {model.nvs[joint_id]} degrees of freedom", "drive one"
-            )
+            what = f"actuator {element.joint} has {model.nvs[joint_id]} degrees of freedom"
+            raise self.description.error(what, "drive one")
         index_q, index_v = int(model.idx_qs[joint_id]), int(model.idx_vs[joint_id])
         column = joint_jacobian(model, self.data, joint_id)[:, index_v]
         if not column.any():
             raise self.description.error(f"actuator {element.joint} has an axis of no length", "mend its <axis>")
         revolute = bool(np.linalg.norm(column[3:]) > 0.5)
-        continuous = model.nqs[joint_id] == 2
-        lower = -np.inf if continuous else float(model.lowerPositionLimit[index_q])
-        upper = np.inf if continuous else float(model.upperPositionLimit[index_q])
-        if not lower < upper:
-            lower, upper = -np.inf, np.inf
-        return Actuator(
-            element.joint,
-            element.site,
-            joint_id,
-            index_q,
-            index_v,
-            lower,
-            upper,
-            revolute,
-            column[3:].copy() if revolute else column[:3].copy(),
-            self.data.oMi[joint_id].translation.copy(),
-            element.scale_unknown,
-        )
+        axis, at = column[3:] if revolute else column[:3], self.data.oMi[joint_id].translation.copy()
+        place = joint_id, index_q, index_v, *limits(model, joint_id)
+        return Actuator(element.joint, element.site, *place, revolute, axis.copy(), at, element.scale_unknown)
 
     def _placement(self, anchor: Anchor) -> tuple[int, Any]:
         if not self.model.existFrame(anchor.link, pin.FrameType.BODY):
             raise self.description.error(f"no link is called {anchor.link}", "mend the loop, platform or TCP")
-        frame = self.model.frames[self.model.getFrameId(anchor.link, pin.FrameType.BODY)]
+        frame = self.link(anchor.link)
         local = pin.SE3(pin.rpy.rpyToMatrix(*map(float, anchor.rpy)), np.array(anchor.xyz, dtype=float))
         return int(frame.parentJoint), frame.placement * local
 
     def _levers(self) -> Floats:
         """(k, 3 L) components of gaps along the levers of the k further points of loops of type ``fixed``."""
-        loops = self.description.loops
-        names, found = [loop.name for loop in loops], []
-        for i, loop in enumerate(loops):
-            if loop.point_of:
-                row = np.zeros((len(loops), 3))
-                row[i] = np.eye(3)["xy".index(loop.name[-1])]
-                row[names.index(loop.point_of)] = -row[i]
-                found.append(row.ravel())
-        return np.reshape(found, (len(found), 3 * len(loops)))
+        loops, each = self.description.loops, np.eye(3 * len(self.description.loops))
+        axes = {loop.name: 3 * i for i, loop in enumerate(loops)}
+        ways = [(axes[o.name], axes[o.point_of], "xy".index(o.name[-1])) for o in loops if o.point_of]
+        return np.reshape([each[own + c] - each[origin + c] for own, origin, c in ways], (len(ways), len(each)))
 
     def gaps(self) -> Floats:
         """(3 L,) vectors from the first to the second anchor of each loop, m, in the first one's frame, at :attr:`data`."""
@@ -494,42 +468,24 @@ class ConstrainedModel:
 
         ``motions``: as :meth:`relative_motions` has them; (0, 0): not known. ``zero``: see ``normal_of``.
         """
-        named, loops = self.description.planes, self.description.loops
-        found: dict[str, Floats] = {}
-        for loop in loops:
-            of = [
-                motions[3 * i : 3 * i + 3] for i, other in enumerate(loops) if loop.name in (other.name, other.point_of)
-            ]
-            if loop.name in named:
-                found[loop.name] = named[loop.name]
-            elif loop.point_of:
+        found: dict[str, Floats] = dict(self.description.planes)
+        loops = self.description.loops
+        for loop in (loop for loop in loops if loop.name not in found):
+            if loop.point_of:
                 found[loop.name] = of_further_point(found[loop.point_of], loop.name[-1])
+            elif motions.size:
+                own = [loop.name in (other.name, other.point_of) for other in loops]
+                found[loop.name] = normal_of(np.hstack([*motions.reshape(len(loops), 3, -1)[own]]), zero)
             else:
-                found[loop.name] = normal_of(np.hstack(of), zero) if motions.size else NONE
+                found[loop.name] = NONE
         return tuple(found[loop.name] for loop in loops)
 
-    def _check_size(self) -> None:
-        """Raise `RobotError` for a joint so far away that rounding errors spoil a calibration."""
-        for name, placement in zip(self.model.names, self.data.oMi, strict=True):
-            where = np.abs(placement.translation).max()
-            if not where < FARTHEST:
-                raise self.description.error(f"joint {name} is {where:g} m from the base", "lengths are in m")
 
-    def _check_home(self) -> None:
-        home = self.description.home
-        if home and len(home.q) != self.n_actuators:
-            raise self.description.error(
-                f"home has {len(home.q)} commands for {self.n_actuators} actuators", "mend <home q>"
-            )
-
-
-def joint_jacobian(model: Any, data: Any, joint_id: int) -> Floats:
-    """(6, nv) derivative of a joint's frame (position, then rotation) by Pinocchio velocities, base frame.
-
-    The joint Jacobians in ``data`` must have been computed.
-    """
-    # For a model with a single coordinate Pinocchio gives the matrix as a vector.
-    return np.reshape(pin.getJointJacobian(model, data, joint_id, pin.LOCAL_WORLD_ALIGNED), (6, model.nv))
+def limits(model: Any, joint_id: int) -> tuple[float, float]:
+    """Smallest and largest coordinate of a joint, m or rad; infinite where it turns without end, or its range is empty."""
+    index = int(model.idx_qs[joint_id])
+    lower, upper = float(model.lowerPositionLimit[index]), float(model.upperPositionLimit[index])
+    return (lower, upper) if model.nqs[joint_id] == 1 and lower < upper else (-np.inf, np.inf)
 
 
 def joint_axis(model: Any, joint_id: int) -> Floats:

@@ -48,8 +48,8 @@ class Anchor:
     """A frame fixed to a link: its position (m) and orientation (rad, roll pitch yaw) in the link's frame."""
 
     link: str
-    xyz: Vector
-    rpy: Vector
+    xyz: Vector = (0.0, 0.0, 0.0)
+    rpy: Vector = (0.0, 0.0, 0.0)
 
     def along(self, axis: str) -> Anchor:
         """The anchor at `LEVER` along an axis of this one."""
@@ -178,31 +178,21 @@ class RobotDescription:
         if root.tag != "robot":
             hint = CONVERT.get(f".{root.tag}", "a URDF's is <robot>, an MJCF's <mujoco>")
             raise RobotError(f"the outer element is <{root.tag}>", file=source, hint=hint)
+        reader, joints = _AttributeReader(source), len(root.findall("joint"))
         if keyframe:
-            raise RobotError(f"a URDF has no keyframe {keyframe!r}", file=source, hint="give home as commands")
+            raise reader.error(f"a URDF has no keyframe {keyframe!r}", "give home as commands")
         if root.find("constraint") is not None:
-            what = "<constraint> is not read"
-            raise RobotError(what, file=source, hint="close the loop by <loop_joint>: see docs/own_machine.md")
+            raise reader.error("<constraint> is not read", "close the loop by <loop_joint>: see docs/own_machine.md")
         refuse_xacro(root, source)
         check_masses(root, source)
-        joints = len(root.findall("joint"))
         if joints > MOST_JOINTS:
-            raise RobotError(f"{joints} joints", file=source, hint=f"a robot has {MOST_JOINTS} joints at most")
-        reader = _AttributeReader(source)
+            raise reader.error(f"{joints} joints", f"a robot has {MOST_JOINTS} joints at most")
         loops = tuple(loop for element in root.findall("loop_joint") for loop in reader.loops(element))
-        elements = root.findall("gtpin")
-        if len(elements) > 1:
-            raise RobotError("there are two <gtpin> elements", file=source, hint="keep one")
-        own = elements[0] if elements else Element("gtpin")
-        platform = own.find("platform")
-        homes = own.findall("home")
-        if len(homes) > 1:
-            raise RobotError("there are two <home> elements", file=source, hint="keep one")
-        home = homes[0] if homes else None
+        own = reader.only(root, "gtpin")
+        own = Element("gtpin") if own is None else own
+        platform, home = own.find("platform"), reader.only(own, "home")
         posture = {reader.text(e, "name"): reader.numbers(e, "value", None) for e in own.findall("home/joint")}
-        gravity = own.find("gravity")
-        tolerance = own.find("tolerance")
-        compliance = own.find("compliance")
+        gravity, tolerance, compliance = (own.find(tag) for tag in ("gravity", "tolerance", "compliance"))
         tree = Tree.of(root, source)
         several = len(tree.ends) > 1 and tree.tip != TOOL
         return RobotDescription(
@@ -258,6 +248,12 @@ class _AttributeReader:
     def error(self, what: str, hint: str) -> RobotError:
         return RobotError(what, file=self.source, hint=hint)
 
+    def only(self, parent: Element, tag: str) -> Element | None:
+        elements = parent.findall(tag)
+        if len(elements) > 1:
+            raise self.error(f"there are two <{tag}> elements", "keep one")
+        return elements[0] if elements else None
+
     def text(self, element: Element, key: str) -> str:
         value = element.get(key)
         if not value:
@@ -282,21 +278,17 @@ class _AttributeReader:
         element = loop.find(tag)
         if element is None:
             raise self.error(f"loop {loop.get('name', '')} lacks <{tag}>", "give both <link1> and <link2>")
-        zero = (0.0, 0.0, 0.0)
-        return Anchor(
-            self.text(element, "link"),
-            self.numbers(element, "xyz", 3) if element.get("xyz") else zero,
-            self.numbers(element, "rpy", 3) if element.get("rpy") else zero,
-        )
+        given = {key: self.numbers(element, key, 3) for key in ("xyz", "rpy") if element.get(key)}
+        return Anchor(self.text(element, "link"), **given)
 
     def loops(self, element: Element) -> Iterator[Loop]:
         name, kind = self.text(element, "name"), element.get("type", "spherical")
         if kind not in LOOPS:
-            raise self.error(
-                f"loop {name} is of type {kind}",
-                'write type="spherical" (two points coincide) or type="fixed" (two frames); a loop whose joints turn about '
-                "parallel axes is recognised as planar, and closed in its plane only",
+            planar = (
+                "a loop whose joints turn about parallel axes is recognised as planar, and closed in its plane only"
             )
+            hint = f'write type="spherical" (two points coincide) or type="fixed" (two frames); {planar}'
+            raise self.error(f"loop {name} is of type {kind}", hint)
         one, other = self.anchor(element, "link1"), self.anchor(element, "link2")
         yield Loop(name, one, other)
         for axis in "xy" if kind == "fixed" else "":
@@ -311,12 +303,8 @@ class _AttributeReader:
         for element in own.findall("plane"):
             name, normal = self.text(element, "loop"), np.array(self.numbers(element, "normal", 3))
             if name not in loops or not normal.any():
-                what = (
-                    f"<plane> of no loop {name}"
-                    if name not in loops
-                    else f"<plane> of {name} has a normal of no length"
-                )
-                raise self.error(what, "name a <loop_joint> and the normal of its plane")
+                what = f"of {name} has a normal of no length" if name in loops else f"of no loop {name}"
+                raise self.error(f"<plane> {what}", "name a <loop_joint> and the normal of its plane")
             found.setdefault(name, []).append(normal / np.linalg.norm(normal))
         return {name: np.array(normals) for name, normals in found.items()}
 
@@ -345,12 +333,11 @@ def refuse_xacro(root: Element, source: str) -> None:
 
     Raises `RobotError` if it is one.
     """
-    for element in root.iter():
-        if any("xacro}" in str(name) for name in (element.tag, *element.attrib)):
-            raise RobotError(XACRO, file=source, hint=EXPAND)
-    for element in _parts(root):
-        if any(UNEXPANDED.search(value) for value in element.attrib.values()):
-            raise RobotError(XACRO, file=source, hint=EXPAND)
+    parts = [root, *(element for part in root if part.tag in ("link", "joint") for element in part.iter())]
+    names = [str(name) for element in root.iter() for name in (element.tag, *element.attrib)]
+    values = [value for element in parts for value in element.attrib.values()]
+    if any("xacro}" in name for name in names) or any(map(UNEXPANDED.search, values)):
+        raise RobotError(XACRO, file=source, hint=EXPAND)
 
 
 def check_masses(root: Element, source: str) -> None:
@@ -375,13 +362,5 @@ def warn_of_degrees(root: Element, source: str) -> None:
         for element in part.iter():
             if any(abs(angle) > FULL_TURN for angle in numbers_of(element.get("rpy", ""))):
                 where = f"{part.tag} {part.get('name', '')}".strip()
-                warn(
-                    f'{source}: {where}: rpy="{element.get("rpy")}" is more than a full turn: angles in a URDF are in rad'
-                )
-
-
-def _parts(root: Element) -> Iterator[Element]:
-    yield root
-    for part in root:
-        if part.tag in ("link", "joint"):
-            yield from part.iter()
+                found = f'{source}: {where}: rpy="{element.get("rpy")}"'
+                warn(f"{found} is more than a full turn: angles in a URDF are in rad")

@@ -127,8 +127,7 @@ def _name_what_was_found(robot: Chain, root: Element) -> None:
 
 def _link_placement(robot: Chain, joint: Element, end: Literal["parent", "child"]) -> pin.SE3:
     """Placement of a joint's parent or child link on the Pinocchio joint that carries it."""
-    link = _child(joint, end).get("link", "")
-    return robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)].placement
+    return robot.link(_child(joint, end).get("link", "")).placement
 
 
 def _rehome(

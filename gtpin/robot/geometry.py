@@ -60,11 +60,9 @@ class Geometry:
 
     def with_tolerances(self, factors: Floats) -> Self:
         """The same geometry with its tolerances multiplied by factors (p,)."""
-        parameters = tuple(
-            replace(p, tolerance=p.tolerance * f, widened=p.widened * f)
-            for p, f in zip(self.parameters, factors.tolist(), strict=True)
-        )
-        return replace(self, parameters=parameters)
+        wider = zip(self.parameters, factors.tolist(), strict=True)
+        parameters = (replace(p, tolerance=p.tolerance * f, widened=p.widened * f) for p, f in wider)
+        return replace(self, parameters=tuple(parameters))
 
     def __repr__(self) -> str:
         return f"Geometry of {self.robot.name}: {len(self.parameters)} parameters"

@@ -99,11 +99,8 @@ def urdf_path(name: str) -> Path:
     if name in example_names():
         return example_path(name)
     near = difflib.get_close_matches(name, [*robot_names(), *example_names()], n=1)
-    raise RobotError(
-        f"no robot is called {name!r}",
-        hint=f"{f'did you mean {near[0]}? ' if near else ''}use {', '.join(robot_names())}, one that gtpin robots lists, or "
-        "the path of a URDF or MJCF file",
-    )
+    known = f"use {', '.join(robot_names())}, one that gtpin robots lists, or the path of a URDF or MJCF file"
+    raise RobotError(f"no robot is called {name!r}", hint=f"{f'did you mean {near[0]}? ' if near else ''}{known}")
 
 
 def load_robot(
@@ -126,9 +123,8 @@ def loaded(
     if isinstance(robot, pin.Model):
         described = RobotDescription.parse(urdf_of(robot, constraints, named), "the pinocchio.Model")
     elif constraints:
-        raise RobotError(
-            "constraints of a file", hint="give them with a pinocchio.Model; a file has <loop_joint> elements"
-        )
+        hint = "give them with a pinocchio.Model; a file has <loop_joint> elements"
+        raise RobotError("constraints of a file", hint=hint)
     else:
         described = RobotDescription.read(robot_path(robot), named)
     described = with_actuators(described, actuators)

@@ -111,9 +111,8 @@ def all_tolerances(robot: Chain, override: Mapping[str, float]) -> dict[str, flo
     for source, given in (("the robot's URDF", robot.tolerance), ("the dataset", override)):
         unknown = sorted(set(given) - set(KINDS))
         if unknown:
-            raise ModelError(
-                f"{source} gives a tolerance of unknown kind {unknown[0]!r}", hint=f"kinds are {', '.join(TOLERANCE)}"
-            )
+            what = f"{source} gives a tolerance of unknown kind {unknown[0]!r}"
+            raise ModelError(what, hint=f"kinds are {', '.join(TOLERANCE)}")
     found = {**TOLERANCE, **robot.tolerance, **override}
     for kind in JOINTS:
         for axis in (f"{kind}_{axis}" for axis in "xyz"):
@@ -122,25 +121,12 @@ def all_tolerances(robot: Chain, override: Mapping[str, float]) -> dict[str, flo
     return found
 
 
-def joint_on_carrier(robot: Chain, rod: Rod) -> str:
-    """The kind of the parameters of a rod's joint on its carrier."""
-    if rod.carrier is None:
-        return "base_joint"
-    return "arm_joint" if robot.actuators[rod.carrier].revolute else "cart_joint"
-
-
-def direction_of(robot: Chain, actuator: int) -> str:
-    """The kind of the parameters of an actuator's direction."""
-    return "arm_axis" if robot.actuators[actuator].revolute else "track_direction"
-
-
 def zero_of(robot: Chain, actuator: Actuator, tolerances: Mapping[str, float]) -> Parameter:
     """The zero of an actuator's joint: its coordinate, and those of joints that follow it, at command 0."""
     joints = {int(v): j for j, v in enumerate(robot.model.idx_vs) if j}
     followers = ((joints[f.index_v], f.multiplier) for f in robot.followers if f.master_v == actuator.index_v)
-    moves = (
-        (frame_of_joint(j), ratio * joint_axis(robot.model, j)) for j, ratio in ((actuator.joint_id, 1.0), *followers)
-    )
+    ratios = ((actuator.joint_id, 1.0), *followers)
+    moves = ((frame_of_joint(j), ratio * joint_axis(robot.model, j)) for j, ratio in ratios)
     unit = "rad" if actuator.revolute else "m"
     return Parameter(f"zero[{actuator.site}]", unit, 0.0, tolerances["zero"], tuple(moves))
 
@@ -155,7 +141,7 @@ def rod_parameters(
     A rod's joint on its carrier is where it is with all commands zero, base frame, and stays there when the direction of the
     track or axis turns.
     """
-    found = []
+    found, turns = list[Parameter](), robot.revolute
     for rod, longer in zip(robot.rods, robot.longer_rods, strict=True):
         found.append(Parameter(f"length[{rod.name}]", "m", rod.L, tolerances["link_length"], (longer,)))
     for rod in robot.rods:
@@ -163,9 +149,10 @@ def rod_parameters(
         found += _position("platform_joint", rod, rod.P, tolerances, frame_of_joint(rod.joint_id), R)
     for rod in robot.rods:
         R = robot.anchor_axes[rod.seat].T @ _at_zero(robot, rod.carrier).T
-        found += _position(joint_on_carrier(robot, rod), rod, rod.C, tolerances, frame_of_anchor(robot, rod.seat), R)
+        kind = "base_joint" if rod.carrier is None else "arm_joint" if turns[rod.carrier] else "cart_joint"
+        found += _position(kind, rod, rod.C, tolerances, frame_of_anchor(robot, rod.seat), R)
     for a in sorted({rod.carrier for rod in robot.rods if rod.carrier is not None}):
-        kind, joint = direction_of(robot, a), robot.actuators[a].joint_id
+        kind, joint = "arm_axis" if turns[a] else "track_direction", robot.actuators[a].joint_id
         seats = [rod.seat for rod in robot.rods if rod.carrier == a]
         for axis, turn in zip("ab", rotation_axes(robot.actuators[a].axis) @ _at_zero(robot, a), strict=False):
             back = ((frame_of_anchor(robot, s), turned(-robot.anchor_axes[s].T @ turn)) for s in seats)
@@ -179,11 +166,8 @@ def rod_parameters(
 
 def _at_zero(robot: Chain, carrier: int | None) -> Floats:
     """(3, 3) rotation, all commands zero, of the joint of an actuator, or of the base, to the base frame."""
-    return (
-        np.eye(3)
-        if carrier is None
-        else np.asarray(robot.model.jointPlacements[robot.actuators[carrier].joint_id].rotation)
-    )
+    joint = 0 if carrier is None else robot.actuators[carrier].joint_id
+    return np.array(robot.model.jointPlacements[joint].rotation)
 
 
 def _position(
@@ -218,9 +202,7 @@ def placement_parameters(robot: Chain, tolerances: Mapping[str, float], *, zeros
             found.append(Parameter(f"{name}.{axis}", unit, 0.0, tolerances[size], moves))
     for actuator in robot.actuators if zeros else ():
         along = int(np.argmax(np.abs(joint_axis(robot.model, actuator.joint_id))))
-        own = [
-            i for i, p in enumerate(found) if p.kind == "placement" and p.part == robot.model.names[actuator.joint_id]
-        ]
+        own = [i for i, p in enumerate(found) if (p.kind, p.part) == ("placement", actuator.joint)]
         if own:
             found[own[along]] = zero_of(robot, actuator, tolerances)
     return found
@@ -244,8 +226,7 @@ def tracks_by_parameters(robot: Chain) -> dict[str, list[Column]]:
         columns: list[Column] = [{f"track_direction[{site}].{axis}": 1.0} for axis in "ab"]
         for way in shifts:
             moved = zip(own, way, strict=True)
-            columns.append(
-                {f"cart_joint[{rod.name}].{x}": d for rod, by in moved for x, d in zip("xyz", by, strict=True)}
-            )
+            each = ((rod.name, x, d) for rod, by in moved for x, d in zip("xyz", by, strict=True))
+            columns.append({f"cart_joint[{rod}].{x}": d for rod, x, d in each})
         found[site] = columns
     return found

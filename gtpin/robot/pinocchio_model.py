@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError
-from gtpin.robot.constrained_model import joint_axis
+from gtpin.robot.constrained_model import joint_axis, limits
 from gtpin.robot.resting import coordinates
 from gtpin.robot.urdf_elements import add_inertia, add_joint, exact_text
 
@@ -75,11 +75,8 @@ def _joint(root: Element, model: pin.Model, joint: int, parent: str, child: str)
     twist = joint_axis(model, joint) if model.nvs[joint] == 1 else np.ones(6)
     if twist[:3].any() and twist[3:].any():
         raise RobotError(f"joint {model.names[joint]} is a {kind}, which is not supported", hint=SUPPORTED)
-    at = int(model.idx_qs[joint])
-    low, high = (float(limits[at]) for limits in (model.lowerPositionLimit, model.upperPositionLimit))
-    limited = (
-        model.nqs[joint] == 1 and abs(low) < 1e300 and abs(high) < 1e300
-    )  # Pinocchio's default is the largest float
+    low, high = limits(model, joint)
+    limited = max(-low, high) < 1e300  # Pinocchio's default is the largest float
     turns = bool(twist[3:].any())
     own = "revolute" if turns and limited else "continuous" if turns else "prismatic"
     element = add_joint(root, model.names[joint], own, parent, child, model.jointPlacements[joint])

@@ -14,10 +14,9 @@ import math
 import os
 import re
 import tempfile
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import IO, Any
+from typing import Any
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
@@ -143,10 +142,8 @@ def moving_model(description: RobotDescription, driven: Sequence[str]) -> Any:
     follows = {mimic.joint: mimic for mimic in description.tree.mimics}
     for name in driven:
         if name in follows:
-            raise description.error(
-                f"actuator {name} follows {follows[name].master} by <mimic>",
-                f"name {follows[name].master} in its place",
-            )
+            master = follows[name].master
+            raise description.error(f"actuator {name} follows {master} by <mimic>", f"name {master} in its place")
     # The closure of a loop moves the joints that carry only one of its two anchors.
     path, loops = description.tree.path, description.loops
     closing = set[str]().union(*(path(loop.anchor1.link) ^ path(loop.anchor2.link) for loop in loops))
@@ -156,10 +153,8 @@ def moving_model(description: RobotDescription, driven: Sequence[str]) -> Any:
     free = [name for name in resting if model.nvs[model.getJointId(name)] != 1]
     if free and not description.actuators:
         count = model.nvs[model.getJointId(free[0])]
-        raise description.error(
-            f"joint {free[0]} has {count} degrees of freedom, which no command moves",
-            "planar and floating joints belong into loops: make it fixed, or name the actuators, so that it rests",
-        )
+        hint = "planar and floating joints belong into loops: make it fixed, or name the actuators, so that it rests"
+        raise description.error(f"joint {free[0]} has {count} degrees of freedom, which no command moves", hint)
     if resting:
         model = _reduced(model, resting, neutral(model, description))
     bring_near(model, masses_alone=bool(description.rods))  # rods' joints stand at the ends of rods
@@ -192,29 +187,21 @@ def neutral(model: Any, description: RobotDescription) -> Floats:
     return configuration
 
 
-@contextmanager
-def _standard_error_kept() -> Iterator[IO[bytes]]:
-    """Catch what C++ code writes to standard error, so that the user gets one error message instead of several lines."""
-    with tempfile.TemporaryFile() as kept:
-        saved = os.dup(2)
-        os.dup2(kept.fileno(), 2)
-        try:
-            yield kept
-        finally:
-            os.dup2(saved, 2)
-            os.close(saved)
-
-
 def build_model(xml: str, source: str) -> Any:
     """Build the Pinocchio model of a URDF's text.
 
     Raises `RobotError` if Pinocchio can't make a model of it; with the parser's message.
     """
-    with _standard_error_kept() as kept:
+    with tempfile.TemporaryFile() as kept:  # what C++ writes to standard error, in one message instead of several lines
+        saved = os.dup(2)
+        os.dup2(kept.fileno(), 2)
         try:
             model, failure = pin.buildModelFromXML(xml), ""
         except (RuntimeError, ValueError) as error:
             model, failure = None, str(error)
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
         kept.seek(0)
         errors = re.findall(r"Error:\s*(.+)", kept.read().decode(errors="replace"))
     # The parser continues after some errors and leaves out what it could not read, for example the mass of a body.
@@ -243,30 +230,27 @@ class Follower:
 def followers(model: Any, mimics: Sequence[Mimic]) -> tuple[Follower, ...]:
     """The followers among the joints of a Pinocchio model."""
     found = []
-    for mimic in mimics:
-        if model.existJointName(mimic.joint):
-            joint, master = model.getJointId(mimic.joint), model.getJointId(mimic.master)
-            found.append(
-                Follower(
-                    int(model.idx_qs[joint]),
-                    int(model.idx_vs[joint]),
-                    int(model.idx_vs[master]),
-                    mimic.multiplier,
-                    mimic.offset,
-                    model.nqs[joint] == 2,
-                )
-            )
+    for mimic in (mimic for mimic in mimics if model.existJointName(mimic.joint)):
+        joint, master = model.getJointId(mimic.joint), model.getJointId(mimic.master)
+        indices = int(model.idx_qs[joint]), int(model.idx_vs[joint]), int(model.idx_vs[master])
+        found.append(Follower(*indices, mimic.multiplier, mimic.offset, model.nqs[joint] == 2))
     return tuple(found)
 
 
 def coordinates(model: Any, configuration: Floats) -> dict[str, tuple[float, ...]]:
     """The coordinates of each joint in a configuration (nq,), by its name; of a continuous joint its angle."""
-    found = {}
-    for joint in range(1, model.njoints):
-        at, count = int(model.idx_qs[joint]), int(model.nqs[joint])
-        own = tuple(float(x) for x in configuration[at : at + count])
-        found[str(model.names[joint])] = (math.atan2(own[1], own[0]),) if count == 2 else own
-    return found
+    parts = np.split(configuration, list(model.idx_qs)[2:])
+    own = {str(name): tuple(part.tolist()) for name, part in zip(list(model.names)[1:], parts, strict=True)}
+    return {name: (math.atan2(*at[::-1]),) if len(at) == 2 else at for name, at in own.items()}
+
+
+def joint_jacobian(model: Any, data: Any, joint_id: int) -> Floats:
+    """(6, nv) derivative of a joint's frame (position, then rotation) by Pinocchio velocities, base frame.
+
+    The joint Jacobians in ``data`` must have been computed.
+    """
+    # For a model with a single coordinate Pinocchio gives the matrix as a vector.
+    return np.reshape(pin.getJointJacobian(model, data, joint_id, pin.LOCAL_WORLD_ALIGNED), (6, model.nv))
 
 
 def put(configurations: Floats, index: int, values: Floats | float, continuous: bool) -> None:
@@ -310,9 +294,8 @@ def bring_near(model: Any, *, masses_alone: bool) -> None:
         inertia = model.inertias[j]
         away = float(np.linalg.norm(data.oMi[j].act(inertia.lever) - foot[j]))
         if inertia.mass and away > max(far, FAR_MASS):
-            warn(
-                f"the centre of mass of what joint {model.names[j]} carries is {away:.3g} m away: the mass is left out"
-            )
+            what = f"the centre of mass of what joint {model.names[j]} carries is {away:.3g} m away"
+            warn(f"{what}: the mass is left out")
             model.inertias[j] = pin.Inertia.Zero()
         by = data.oMi[j].actInv(foot[j])
         if np.linalg.norm(by) > far and not masses_alone:
@@ -333,9 +316,7 @@ def feet(model: Any, data: Any) -> Floats:
         carrier = model.frames[model.getFrameId(model.names[j], pin.FrameType.JOINT)].parentFrame
         before = found[parent] if parent else data.oMf[carrier].translation
         if model.nvs[j] == 1:
-            twist = np.reshape(pin.getJointJacobian(model, data, j, pin.LOCAL_WORLD_ALIGNED), (6, -1))[
-                :, model.idx_vs[j]
-            ]
+            twist = joint_jacobian(model, data, j)[:, model.idx_vs[j]]
             along = twist[3:] if twist[3:].any() else twist[:3]
             if along.any():  # a driven joint whose axis has no length is refused later
                 found[j] = at + along * (along @ (before - at)) / (along @ along)

@@ -8,8 +8,9 @@ import numpy as np
 import pinocchio as pin
 
 from gtpin.errors import RobotError
-from gtpin.robot.constrained_model import ConstrainedModel, joint_jacobian
+from gtpin.robot.constrained_model import ConstrainedModel
 from gtpin.robot.description import Loop, RodElement
+from gtpin.robot.resting import joint_jacobian
 from gtpin.typing import Floats
 
 ALIGNED = 1e-9
@@ -34,6 +35,8 @@ class Rod:
     - ``carrier``: index of the actuator that moves the carrier joint, or None where this joint is fixed to the base.
     - ``extension``: index of the actuator that changes the rod's length, or None.
     - ``rod_end``: 0 or 1: index of the loop's anchor that is on the rod.
+    - ``moment``: first moment of its mass about the joint on the platform, kg m; ``sliding``: the part of the mass that
+      slides as the length changes, kg.
     """
 
     name: str
@@ -48,6 +51,8 @@ class Rod:
     carrier: int | None
     extension: int | None
     rod_end: int
+    moment: float
+    sliding: float
 
     @property
     def driver(self) -> int | None:
@@ -65,48 +70,6 @@ class Rod:
         return 2 * self.loop + 1 - self.rod_end
 
 
-@dataclass(frozen=True)
-class RodBody:
-    """A rod as a body between two points.
-
-    - ``root``, ``tip``: the Pinocchio joint on the platform; index of the anchor at the other end.
-    - ``loop``, ``sign``: index of its loop, and the sign with which the loop's force acts on the rod.
-    - ``index_q``: index in a configuration of the joint that changes its length, or None.
-    - ``mass``, ``moment``: its mass, kg, and its first moment about the joint on the platform, kg m.
-    - ``sliding``: the mass that slides in a variable leg, kg.
-    """
-
-    root: int
-    tip: int
-    loop: int
-    sign: float
-    index_q: int | None
-    mass: float
-    moment: float
-    sliding: float
-
-
-def rod_body(robot: ConstrainedModel, rod: Rod) -> RodBody:
-    """The body of a rod, from the inertias of its links."""
-    model = robot.model
-    tip, end = robot.anchors[rod.tip]
-    chain = list(model.supports[tip])
-    chain = chain[chain.index(rod.joint_id) :]
-    placements = [pin.SE3.Identity()]
-    for joint in chain[1:]:
-        placements.append(placements[-1] * model.jointPlacements[joint])
-    along = (placements[-1] * end).translation / rod.L
-    driven = None if rod.extension is None else robot.actuators[rod.extension]
-    mass = moment = sliding = 0.0
-    for joint, placement in zip(chain, placements, strict=True):
-        inertia = model.inertias[joint]
-        mass += inertia.mass
-        moment += inertia.mass * float(placement.act(inertia.lever) @ along)
-        sliding += inertia.mass if driven is not None and joint >= driven.joint_id else 0.0
-    index_q = None if driven is None else driven.index_q
-    return RodBody(rod.joint_id, rod.tip, rod.loop, 1.0 if rod.rod_end else -1.0, index_q, mass, moment, sliding)
-
-
 def rods(robot: ConstrainedModel) -> tuple[Rod, ...]:
     """The rods that the URDF names, in document order; none where it names none.
 
@@ -122,11 +85,9 @@ def rods(robot: ConstrainedModel) -> tuple[Rod, ...]:
         found.append(_rod(robot, element, *loops[element.loop]))
     if found and len(found) != len(robot.constraints):
         raise robot.description.error(f"{len(robot.constraints)} loops but {len(found)} rods", "name every rod")
-    for what in ("loop", "name"):
-        if len({getattr(rod, what) for rod in found}) != len(found):
-            raise robot.description.error(
-                f"two rods have the same {'loop' if what == 'loop' else 'site'}", "name each once"
-            )
+    for what, named in (("loop", {rod.loop for rod in found}), ("site", {rod.name for rod in found})):
+        if len(named) != len(found):
+            raise robot.description.error(f"two rods have the same {what}", "name each once")
     return tuple(found)
 
 
@@ -146,10 +107,11 @@ def _rod(robot: ConstrainedModel, element: RodElement, index: int, loop: Loop) -
     driven = {actuator.joint_id: number for number, actuator in enumerate(robot.actuators)}
     extension = None
     end = (placements[tip_joint] * tip).translation
-    # The rod's end relative to its joint on the platform: from placements alone, the same at any posture.
-    local = pin.SE3(tip)
-    for joint in chain[:0:-1]:
-        local = model.jointPlacements[joint] * local
+    # The rod's parts relative to its joint on the platform: from placements alone, the same at any posture.
+    parts = [pin.SE3.Identity()]
+    for joint in chain[1:]:
+        parts.append(parts[-1] * model.jointPlacements[joint])
+    local = parts[-1] * tip
     L = float(np.linalg.norm(local.translation))
     along = tip.rotation @ local.rotation.T @ local.translation / L
     for joint in chain:
@@ -166,6 +128,9 @@ def _rod(robot: ConstrainedModel, element: RodElement, index: int, loop: Loop) -
     if carriers and extension is not None:
         raise _error(robot, element, "one actuator moves its carrier and another changes its length")
     name = element.site.removeprefix("link")
+    masses = [model.inertias[joint].mass for joint in chain]
+    levers = [at.act(model.inertias[j].lever) @ local.translation / L for j, at in zip(chain, parts, strict=True)]
+    slides = np.inf if extension is None else robot.actuators[extension].joint_id
     return Rod(
         name=name if name else element.site,
         site=element.site,
@@ -179,11 +144,11 @@ def _rod(robot: ConstrainedModel, element: RodElement, index: int, loop: Loop) -
         carrier=driven[carriers[0]] if carriers else None,
         extension=extension,
         rod_end=rod_end,
+        moment=float(np.dot(masses, levers)),
+        sliding=sum(mass for joint, mass in zip(chain, masses, strict=True) if joint >= slides),
     )
 
 
 def _error(robot: ConstrainedModel, element: RodElement, what: str) -> RobotError:
-    return robot.description.error(
-        f"rod {element.link}: {what}",
-        "let it hang on the platform by a universal joint and end at a loop on the base or on one actuator's link",
-    )
+    hint = "let it hang on the platform by a universal joint and end at a loop on the base or on one actuator's link"
+    return robot.description.error(f"rod {element.link}: {what}", hint)

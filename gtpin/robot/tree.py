@@ -69,11 +69,8 @@ class Tree:
         """
         joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
         moving = [name for name, joint in joints.items() if joint.get("type") in MOVING]
-        follows = {
-            name: _mimic(name, element, source)
-            for name in moving
-            if (element := joints[name].find("mimic")) is not None
-        }
+        leading = ((name, joints[name].find("mimic")) for name in moving)
+        follows = {name: _mimic(name, element, source) for name, element in leading if element is not None}
         mimics = tuple(_to_master(mimic, follows, moving, source) for mimic in follows.values())
         links = [link.get("name", "") for link in root.findall("link")]
         above: dict[str, tuple[str, str]] = {}

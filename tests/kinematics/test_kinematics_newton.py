@@ -7,8 +7,11 @@ from scipy.stats import qmc
 from single_postures import Single
 
 import gtpin
+from gtpin.kinematics.copies import Copies
 from gtpin.kinematics.first_guess import halton
 from gtpin.kinematics.kinematics import Kinematics
+
+Floats = np.ndarray
 
 
 @pytest.mark.slow
@@ -52,6 +55,26 @@ def test_rotations_stay_orthogonal_over_long_paths(robot: gtpin.Robot, at_home: 
     for q in np.random.default_rng(4).uniform(robot.lower, robot.upper, (300, 3)):
         posture = posture.moved_to(q)
     np.testing.assert_allclose(posture.R @ posture.R.T, np.eye(3), rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", [name for name in gtpin.robot_names() if gtpin.load_robot(name).constraints])
+def test_many_commands_near_home_take_few_postures_each_within_the_ranges_or_not(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot, computed, joints = gtpin.load_robot(name), list[int](), Copies.joints
+
+    def counting(self: Copies, X: Floats, placements: Floats) -> tuple[Floats, Floats]:
+        computed.append(len(X))
+        return joints(self, X, placements)
+
+    q = robot.home_q + np.random.default_rng(0).uniform(-0.03, 0.03, (2000, robot.n_actuators))
+    robot.forward(q + 1e-6)  # fits the first guess
+    monkeypatch.setattr(Copies, "joints", counting)
+    poses = robot.forward(q)
+    assert sum(computed) <= 3.5 * len(q)
+    near = robot.home_q + 0.9 * (q - robot.home_q)  # fewer than for a first guess: along paths
+    np.testing.assert_allclose(robot.forward(near).T[:50], robot.forward(near[:50]).T, rtol=0, atol=1e-12)
+    assert poses.reached.all()
 
 
 def test_moving_nowhere_takes_no_step(at_home: gtpin.ClosedPosture, arrays: Kinematics) -> None:

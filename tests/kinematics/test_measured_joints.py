@@ -21,7 +21,7 @@ from gtpin.errors import RobotError
 from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.posture import ClosedPosture
 from gtpin.kinematics.rotations import log
-from gtpin.robot.chain import measured_joint, readable
+from gtpin.robot.chain import measured_joint
 
 Floats = np.ndarray
 
@@ -79,8 +79,8 @@ def robot(request: pytest.FixtureRequest) -> gtpin.Robot:
     """With all joints measured that can be, two of each rod, and all links."""
     if request.param in RODS:
         plain = gtpin.load_robot(request.param)
-        assert len(readable(plain)) == 12
-        return plain.measuring(readable(plain), plain.links)
+        assert len(plain.readable) == 12
+        return plain.measuring(plain.readable, plain.links)
     made, joints = ROBOTS[request.param]
     plain = made()
     return plain.measuring(joints, plain.links)
@@ -108,7 +108,7 @@ def motion(one: gtpin.Poses, other: gtpin.Poses) -> Floats:
 
 def test_the_joints_that_can_be_read_are_those_that_the_loops_move() -> None:
     for made, joints in ROBOTS.values():
-        assert set(readable(made())) == set(joints)
+        assert set(made().readable) == set(joints)
 
 
 @looped
@@ -117,7 +117,7 @@ def test_coordinates_close_the_loops(robot: gtpin.Robot) -> None:
     geometry, q = gtpin.Geometry.nominal(robot), commands(robot)
     found = Kinematics(geometry).forward(q)
     assert tuple(found.joints) == tuple(joint.name for joint in robot.measured_joints)
-    assert set(readable(robot)) == set(found.joints)  # so that they and the commands are all
+    assert set(robot.readable) == set(found.joints)  # so that they and the commands are all
     for i, row in enumerate(q):
         configuration = pin.neutral(robot.model)
         for name, value in {

@@ -15,8 +15,8 @@ from gtpin.errors import RobotError, warn
 from gtpin.extras.simulators.curves import SAME, DriveCurve
 from gtpin.kinematics.posture import ClosedPosture, home
 from gtpin.robot.chain import Chain
-from gtpin.robot.constrained_model import joint_jacobian
 from gtpin.robot.description import parse_xml
+from gtpin.robot.resting import joint_jacobian
 from gtpin.typing import Floats
 
 SIMPLE = ("box", "cylinder", "sphere")
