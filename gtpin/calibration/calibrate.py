@@ -374,12 +374,9 @@ def _variances(fit: Fit[Problem], noise: ReadingNoise) -> Floats:
     """(N, c) variance of the noise of each number of a fit's rows, m^2 and rad^2; ``noise``: that of these rows."""
     if noise.repeatability == 0.0 and noise.sight is None:
         return noise.each**2
-    model, measured, found = fit.point.model, fit.problem.readings(fit.point.x), []
-    for rows in fit.problem.chunks():
-        poses, some = fit.point.poses[rows], measured.take(rows)
-        J = some.change_by(model.kinematics.command_jacobian(some.q, poses), model, poses)
-        found.append(np.diagonal(noise.take(rows).covariance(J, measured.components), axis1=1, axis2=2))
-    return np.concatenate(found)
+    problem, c = fit.problem, fit.residual.shape[1]
+    each = (noise.take(rows).covariance(problem.by_command(fit.point, rows), c) for rows in problem.chunks())
+    return np.diagonal(np.concatenate([*each]), axis1=1, axis2=2)
 
 
 def _at_most(variance: Floats, residual: Floats, group: Indices, free: float) -> Floats:

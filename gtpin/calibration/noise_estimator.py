@@ -61,9 +61,7 @@ class NoiseEstimator:
     @cached_property
     def by_command(self) -> Floats:
         """(N, c, n) derivative of the measured numbers by the commands, of the start."""
-        model, measured = self.whole.start, self.whole.measured
-        J = model.kinematics.command_jacobian(measured.q, self.near)
-        return measured.change_by(J, model, self.near)
+        return self.whole.by_command(Point(self.whole.first, self.whole.start, self.near), slice(None))
 
     @cached_property
     def stops(self) -> Indices:

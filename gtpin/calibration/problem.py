@@ -189,6 +189,11 @@ class Problem:
         measured = self.readings(point.x).take(rows)
         return self._whitened(measured.change_by(moved, point.model, point.poses[rows]), rows, weight)
 
+    def by_command(self, point: Point, rows: slice | npt.NDArray[np.integer]) -> Floats:
+        """(M, c, n) derivative of the readings of some rows by the commands, m and rad."""
+        model, poses, measured = point.model, point.poses[rows], self.readings(point.x).take(rows)
+        return measured.change_by(model.kinematics.command_jacobian(measured.q, poses), model, poses)
+
     def _whitened(self, seen: Floats, rows: slice, weight: Floats | None) -> Floats:
         whitening = self.whitening[rows] if weight is None else self.whitening[rows] * np.sqrt(weight)[:, None, None]
         return np.asarray(whitening @ seen)

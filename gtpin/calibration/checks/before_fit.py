@@ -39,8 +39,9 @@ from gtpin.typing import Floats, Mask
 class Fittable(NamedTuple):
     """What a fit starts from.
 
-    ``data``: the dataset without copies. ``whole``, ``usable``, ``kept``, ``near``: as :func:`usable_rows` gives them.
-    ``problem``: about the nominal machine. ``tracked``: whether one tracker measured poses.
+    ``data``: the dataset without copies. ``whole``: the same with the noise that rounding adds, or with equally many numbers in
+    each row. ``usable``: (N,) its rows that the robot can have reached. ``kept``: these rows. ``near``: their nominal poses,
+    base frame. ``problem``: about the nominal machine. ``tracked``: whether one tracker measured poses.
     """
 
     data: Dataset
@@ -56,36 +57,21 @@ def fittable(dataset: Dataset, geometry: Geometry) -> Fittable:
     """What a fit of a dataset starts from; errors and warnings of all checks of the data before a fit."""
     check_actuators(geometry.robot, dataset)
     nominal = Model(with_free_target(replace(geometry, robot=measuring(geometry.robot, dataset)), dataset))
-    data, tracked = prepared(dataset, nominal), dataset.readings.tracked
-    whole, usable, kept, near = usable_rows(data, nominal, tracked=tracked)
-    problem = problem_of(kept, near, nominal, free=tracked and data.instrument.frame == "free")
-    return Fittable(data, whole, usable, kept, near, problem, tracked)
-
-
-def usable_rows(given: Dataset, nominal: Model, *, tracked: bool) -> tuple[Dataset, Mask, Dataset, Poses]:
-    """The dataset as it is fitted: with the noise that rounding adds, or with equally many numbers in each row; (N,) the rows
-    that the robot can have reached; these rows, and their nominal poses, base frame.
-
-    ``nominal``: with the passive joints measured that encoders read. ``tracked``: whether one tracker measured poses.
-    """
-    robot = nominal.robot
+    data, tracked, robot = prepared(dataset, nominal), dataset.readings.tracked, nominal.robot
     if tracked:
-        whole = with_rounding(given)
+        whole = with_rounding(data)
         usable = sane_rows(whole)
         poses = nominal.kinematics.forward(whole.q[usable])
         plausible = plausible_rows(whole.take(usable), nominal, poses)
         usable[usable] = plausible
-        kept = whole.take(usable)
-        return (
-            whole,
-            usable,
-            replace(kept, orientation=None) if nominal.geometry.positions_only else kept,
-            poses[plausible],
-        )
-    check_sockets(given, robot)
-    check_stations(given)
-    whole = single(given, robot)
-    check_commands(given, robot)
+        kept, near = whole.take(usable), poses[plausible]
+        kept = replace(kept, orientation=None) if geometry.positions_only else kept
+        problem = problem_of(kept, near, nominal, free=data.instrument.frame == "free")
+        return Fittable(data, whole, usable, kept, near, problem, tracked)
+    check_sockets(data, robot)
+    check_stations(data)
+    whole = single(data, robot)
+    check_commands(data, robot)
     poses, usable = nominal.kinematics.forward(whole.q), sane_rows(whole)
     countable = "for numbers that are too large to count with", "no reading that can be counted with"
     reached = "because the robot can't reach them", "the robot reaches none of these commands"
@@ -98,9 +84,9 @@ def usable_rows(given: Dataset, nominal: Model, *, tracked: bool) -> tuple[Datas
         usable &= good
         if not usable.any():
             raise DatasetError(what, file=whole.file, hint=hint)
-    kept = whole.take(usable)
-    check_distances(kept, robot, poses[usable], reach_of(nominal.geometry))
-    return whole, usable, kept, poses[usable]
+    kept, near = whole.take(usable), poses[usable]
+    check_distances(kept, robot, near, reach_of(nominal.geometry))
+    return Fittable(data, whole, usable, kept, near, problem_of(kept, near, nominal, free=False), tracked)
 
 
 def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
@@ -228,15 +214,15 @@ def left_after_fit(nominal: Model, measured: Measured, instrument: InstrumentSec
     readings, c = Readings.of_poses(measured.q, measured.T, measured.R, nominal.robot), measured.components
     x = None
     try:
-        for sigmas in ((limits.COARSE_NOISE, limits.COARSE_NOISE), last):
+        for sigmas in ((1e-3, 1e-3), last):  # with less at first, the cost is a narrow curved valley
             whitening = np.diag(1.0 / np.repeat(sigmas, 3)[:c])
             problem = Problem(start, readings, np.broadcast_to(whitening, (len(poses), c, c)), free)
-            found = fit(problem, weights.huber, x, near=poses, enough=limits.QUICK_STEPS)
+            found = fit(problem, weights.huber, x, near=poses, enough=15)
             x, poses = found.point.x, found.point.poses
     except (ConvergenceError, np.linalg.LinAlgError):
         return NO_FIT
     off = np.abs(found.point.x[: found.problem.n_geometry])
-    farthest = np.array([limits.ANOTHER_ROBOT.get(p.unit, np.inf) for p in nominal.geometry.parameters])
+    farthest = np.array([{"m": 0.02, "rad": 0.05}.get(p.unit, np.inf) for p in nominal.geometry.parameters])
     if ((off > limits.ANOTHER_TOLERANCES) & (off * nominal.geometry.tolerance > farthest)).any():
         return NO_FIT  # another robot
     residual = measured.residual_at(found.point.model.in_instrument_frame(poses))
@@ -271,7 +257,7 @@ def check_mixed_units(dataset: Dataset, poses: Poses) -> None:
 
 def _part(T: Floats, poses: Poses, free: bool) -> tuple[Mask, str, float, float, float] | None:
     """The rows in another unit, its name, its length in metres, and the rows' median errors, m, as metres and in it."""
-    least = max(limits.FEWEST_ROWS, int(np.ceil(limits.MIXED_SHARE * len(T))))
+    least = max(limits.FEWEST_ROWS, int(np.ceil(0.1 * len(T))))
     if len(T) < 2 * least:
         return None
     near = (
@@ -284,7 +270,7 @@ def _part(T: Floats, poses: Poses, free: bool) -> tuple[Mask, str, float, float,
     tried = zip(UNITS, off[1:], strict=True)
     for (unit, factor), left in sorted(tried, key=lambda pair: -int((pair[1] <= near).sum())):
         rows = (left <= near) & (off[0] > limits.BETTER * left)
-        if least <= rows.sum() <= len(T) - least and fits[~rows].mean() >= limits.MIXED_REST:
+        if least <= rows.sum() <= len(T) - least and fits[~rows].mean() >= 0.75:
             return rows, unit, factor, float(np.median(off[0][rows])), float(np.median(left[rows]))
     return None
 
@@ -296,15 +282,15 @@ def _off(T: Floats, seen: Floats) -> Floats:
 
 def _seen(T: Floats, poses: Poses, near: float) -> Floats:
     """(N, 3) where a free instrument should see the poses, by the frame in which most rows fit in some unit."""
-    some = np.linspace(0, len(T) - 1, min(len(T), limits.MIXED_ROWS)).astype(int)
+    some = np.linspace(0, len(T) - 1, min(len(T), 300)).astype(int)
     everywhere, T, poses = poses, T[some], poses[some]
-    rng = np.random.default_rng(0)
-    rows = np.argsort(rng.random((limits.TRIPLES, len(T))), axis=1)[:, :3]
+    # Of 400 sets of three rows, every eighth is in metres alone where the two units have equal parts.
+    rows = np.argsort(np.random.default_rng(0).random((400, len(T))), axis=1)[:, :3]
     a, b = poses.T[rows], T[rows]
     centre_a, centre_b = a.mean(axis=1), b.mean(axis=1)
     R = nearest(np.swapaxes(b - centre_b[:, None], 1, 2) @ (a - centre_a[:, None]))
     shift = centre_b - (R @ centre_a[..., None])[..., 0]
-    tried = [_off(T, poses.T @ R[k].T + shift[k]) for k in range(limits.TRIPLES)]
+    tried = [_off(T, poses.T @ turn.T + moved) for turn, moved in zip(R, shift, strict=True)]
     off = max(tried, key=lambda off: (int((off.min(axis=0) <= near).sum()), -float(np.median(off.min(axis=0)))))
     good = off[0] <= near
     if good.sum() < limits.FEWEST_ROWS:  # no frame

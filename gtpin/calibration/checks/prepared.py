@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.calibration.checks import limits
 from gtpin.data import Dataset, without_whole_turns
 from gtpin.data.duplicates import counted_once
 from gtpin.data.files import warn_of
@@ -30,11 +29,11 @@ def prepared(dataset: Dataset, nominal: Model) -> Dataset:
     dataset = without_whole_turns(dataset, robot)
     dataset = counted_once(with_positions(dataset, robot))
     wxyz = dataset.orientation
-    if wxyz is None or len(wxyz) < 2 or (1.0 - np.abs(wxyz @ wxyz[0]) >= limits.SAME_TURN).any():
+    if wxyz is None or len(wxyz) < 2 or (1.0 - np.abs(wxyz @ wxyz[0]) >= 1e-12).any():  # some 3 microradians
         return dataset
     poses = nominal.kinematics.forward(dataset.q)
     R = poses.R[poses.reached]
-    if len(R) < 2 or float(np.linalg.norm(log(R @ R[0].T), axis=1).max()) <= limits.TURNS:
+    if len(R) < 2 or float(np.linalg.norm(log(R @ R[0].T), axis=1).max()) <= 1e-5:  # less is rounding error
         return dataset
     text = "the orientation is the same in every row, though the robot turns: not measured; positions are used alone"
     warn_of(dataset.file, text)

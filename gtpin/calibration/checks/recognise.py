@@ -11,8 +11,17 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gtpin.calibration.checks import limits
-from gtpin.calibration.checks.commands import CommandReading, CommandSearch, one_mistake, several_mistakes
-from gtpin.calibration.checks.readings import Reading, Rotations, misread, position_readings, rotation_readings
+from gtpin.calibration.checks.commands import CommandSearch
+from gtpin.calibration.checks.readings import (
+    CommandReading,
+    Reading,
+    Rotations,
+    misread,
+    one_mistake,
+    position_readings,
+    rotation_readings,
+    several_mistakes,
+)
 from gtpin.calibration.free_target import without_target
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data.instrument_tables import Point
@@ -27,7 +36,7 @@ _OF_TCP = ", or move the URDF's tcp link there if the TCP was measured"
 _ELSEWHERE = ("the instrument looks to stand elsewhere than in the base frame", 'set frame = "free" under [instrument]')
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Interpretation(Reading):
     """A way to read the data, as they are or with mistakes corrected.
 
@@ -66,11 +75,12 @@ def recognised(
     the instrument's pose is declared unknown. ``target``: the declared place of the target, TCP frame, m; ``free``: unknown;
     None: at the TCP.
     """
-    some = np.linspace(0, len(poses) - 1, min(len(poses), limits.SEARCH_ROWS)).astype(int)
+    some = np.linspace(0, len(poses) - 1, min(len(poses), 100)).astype(int)
     search = Search(nominal, measured.take(some), poses[some], free, target, failed)
     if search.size == 0.0 or (search.misfit <= search.accepted and not failed):
         return None
-    enough = min(search.misfit / limits.FAR_BETTER, search.accepted)
+    # A wrong geometry, frame or target takes up some part of a mistake, and not nine tenths of it.
+    enough = min(search.misfit / 10.0, search.accepted)
     most = enough if failed else min(search.misfit / limits.BETTER, search.accepted)
     tried = [reading for reading in search.tried(min(enough, search.expected)) if reading.misfit <= most]
     if not tried:
@@ -98,8 +108,8 @@ def recognised(
 def either(words: Iterable[str]) -> str:
     """A list of possibilities as text; it says so where only the first ones are named."""
     different = list(dict.fromkeys(words))
-    more = ["something alike"] * (len(different) > limits.MOST_NAMED)
-    return "; or ".join(different[: limits.MOST_NAMED] + more)
+    more = ["something alike"] * (len(different) > 4)  # of a delta, four are usual: three swaps and a frame
+    return "; or ".join(different[:4] + more)
 
 
 def expected_errors(nominal: Model, q: Floats, poses: Poses) -> tuple[float, float]:
@@ -190,7 +200,7 @@ class Search:
 
         Within the tolerances, a geometry looks much like another frame.
         """
-        return self.failed or self.misfit > self.fits + limits.BEYOND_EXPECTED * self.expected
+        return self.failed or self.misfit > self.fits + 3.0 * self.expected
 
     def tried(self, enough: float) -> Iterator[Interpretation]:
         """All readings that can be compared with the model.
@@ -207,7 +217,8 @@ class Search:
         if self.far:
             others += self._targets(self.free)
         yield from others
-        if self.nominal.kinematics.loops.count and self.nominal.robot.n_actuators > limits.FEW_DRIVES:
+        # The number of readings grows with the square of the drives, and a pose of six loops takes ten times that of an arm.
+        if self.nominal.kinematics.loops.count and self.nominal.robot.n_actuators > 2:
             return
         for turned in dict.fromkeys((self.free, True)):
             if all(r.misfit > enough or r.mistakes > 1 for r in (*found, *others)):
@@ -238,7 +249,14 @@ class Search:
             columns = columns if looks else "x y z"
             looks, hint = (f"{b}, and {a}" if a else b for a, b in zip((looks, hint), _ELSEWHERE, strict=True))
         return Interpretation(
-            looks, hint, mistakes + elsewhere, columns, measured, poses, misfit if looks else np.inf, elsewhere
+            looks,
+            hint,
+            mistakes + elsewhere,
+            columns=columns,
+            measured=measured,
+            poses=poses,
+            misfit=misfit if looks else np.inf,
+            elsewhere=elsewhere,
         )
 
     def _measurements(self, turned: bool) -> Iterator[Interpretation]:

@@ -35,32 +35,30 @@ def suspect(error: DatasetError, dataset: Dataset, before: Size, after: Size, *,
     """Raise the error of a suspected mistake, or warn of it.
 
     ``before``, ``after``: what a fit leaves of the data as they are, and with the mistake corrected. ``exact``: whether
-    residuals that fall from above the declared noise to exactly this noise are enough: for a correction with few free
-    numbers that no effect looks like.
+    residuals that fall from above twice the declared noise to exactly this noise (at most 1.1 times) are enough: for a
+    correction with few free numbers that no effect looks like. An effect has another pattern, so that more would be left.
 
-    Raises `DatasetError` if the data can't be fitted as they are, and can with the mistake corrected; not for trusted data.
-    Warns: otherwise, if the correction makes the residuals smaller.
+    Raises `DatasetError` if the data can't be fitted as they are (more than 10 times the noise is left), and can with the
+    mistake corrected (3 times at most, for effects that are not fitted, or a tenth, which only a mistake can; a fourth, where
+    no effect leaves what is left); not for trusted data. All these factors are assumed.
+    Warns: otherwise, if the correction makes the residuals smaller by a fifth.
     """
     known = (dataset.instrument.position_sigma, dataset.instrument.orientation_sigma)
     noise = [
         min(usual, max(left, least)) if sigma is None else sigma
-        for sigma, usual, left, least in zip(known, limits.USUAL_NOISE, after, limits.LEAST_NOISE, strict=True)
+        for sigma, usual, left, least in zip(known, limits.USUAL_NOISE, after, (1e-6, 1e-6), strict=True)
     ]
     now, then = (max(size / sigma for size, sigma in zip(sizes, noise, strict=True)) for sizes in (before, after))
     beyond = any(size > most for size, most in zip(before, limits.NO_EFFECT, strict=True))
-    certain = (
-        now > limits.UNFIT
-        and np.isfinite(then)
-        and then <= max(limits.FITTED, now / (limits.LOWER if beyond else limits.FAR_LOWER))
-    )
+    certain = now > 10.0 and np.isfinite(then) and then <= max(3.0, now / (4.0 if beyond else 10.0))
     if exact and not certain:
         seen = [(b / s, a / s) if s else (0.0, np.inf) for b, a, s in zip(before, after, known, strict=True) if b > 0.0]
-        certain = all(left <= limits.EXACT for _, left in seen) and any(size > limits.ABOVE for size, _ in seen)
+        certain = all(left <= 1.1 for _, left in seen) and any(size > 2.0 for size, _ in seen)
     if certain and not dataset.trusted:
         raise error
     left = ""
     if np.isfinite(before).all():
-        if then > limits.NO_BETTER * now:
+        if then > 0.8 * now:
             return
         left = f": a fit leaves {_sizes(before)} of the data as they are, {_sizes(after)} if it is so"
     warn(f"{error} {UNCERTAIN}, so that the data are used as they are{left})")
