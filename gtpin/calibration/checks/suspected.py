@@ -71,10 +71,9 @@ def recalled(texts: list[str]) -> Iterator[None]:
         yield
     except (ConvergenceError, DatasetError) as error:
         suspicions = [text.partition(UNCERTAIN)[0].strip() for text in dict.fromkeys(texts) if UNCERTAIN in text]
-        if not suspicions:
-            raise
-        hint = "; ".join([*([error.hint] if error.hint else []), f"suspected: {', '.join(suspicions)}"])
-        raise type(error)(error.what, file=error.file, row=error.row, column=error.column, hint=hint) from None
+        if suspicions:
+            error.hint = "; ".join(filter(None, (error.hint, f"suspected: {', '.join(suspicions)}")))
+        raise
 
 
 def refuse(error: DatasetError, dataset: Dataset) -> None:
