@@ -18,7 +18,7 @@ from gtpin.calibration.checks.recognise import expected_errors
 from gtpin.calibration.checks.suspected import refuse, suspect
 from gtpin.calibration.problem import FRAME_UNIT, Measured, Point, Problem, measured_poses, problem_of, rough_frame
 from gtpin.data import Dataset
-from gtpin.errors import DatasetError
+from gtpin.errors import DatasetError, listed
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions
@@ -309,10 +309,10 @@ def _suspect(dataset: Dataset, moved: dict[str, float], least: float) -> None:
     far = sorted((name for name in others if moved[name] >= least), key=lambda name: -moved[name])
     if not far:
         return
-    moves = ", ".join(f"{1e3 * moved[name]:.3g} mm in session {name}" for name in far[: limits.NAMED])
-    more = f" and {len(far) - limits.NAMED} more sessions" if len(far) > limits.NAMED else ""
+    moves = listed([f"{1e3 * moved[name]:.3g} mm in session {name}" for name in far], limits.NAMED)
+    moves += " sessions" * (len(far) > limits.NAMED)
     error = DatasetError(
-        f"the instrument moved between sessions: from where it stood in session {first} by {moves}{more}",
+        f"the instrument moved between sessions: from where it stood in session {first} by {moves}",
         file=dataset.file,
         column="session",
         hint='set stations = "session" under [instrument]: the frame of each session is found too; or register the sessions to '

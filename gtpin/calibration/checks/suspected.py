@@ -15,7 +15,7 @@ from gtpin.calibration.checks import limits
 from gtpin.calibration.fit_state import FitState
 from gtpin.data import Dataset
 from gtpin.data.plausible import named_poses
-from gtpin.errors import ConvergenceError, DatasetError, warn
+from gtpin.errors import ConvergenceError, DatasetError, listed, warn
 from gtpin.model.departures import ParameterOrZero, with_zeros
 from gtpin.typing import Floats, Mask
 
@@ -109,8 +109,7 @@ def far_from_declared(values: Floats, names: Sequence[str], unit: str) -> str:
     """
     far = np.flatnonzero(np.abs(values) > limits.FAR_FROM_PRIOR)
     order = far[np.argsort(-np.abs(values[far]))]
-    more = f" and {len(order) - limits.NAMED} more" if len(order) > limits.NAMED else ""
-    return ", ".join(f"{names[i]} ({values[i]:+.0f} {unit})" for i in order[: limits.NAMED]) + more
+    return listed([f"{names[i]} ({values[i]:+.0f} {unit})" for i in order], limits.NAMED)
 
 
 def warn_of_far_parameters(
