@@ -47,9 +47,6 @@ FIXED = 80e6
 PER_POSE = 1900.0
 """Bytes of memory that it needs for each pose, in addition to the dataset. Measured: 1,870 of a Gantry-Tau, whose
 configurations have 22 numbers (docs/speed.md)."""
-LEAST_FREEDOM = 1.0
-"""Fewest degrees of freedom (measured numbers less the effective number of parameters) of a fit: with less, nothing could be
-said of its noise or its error."""
 ANNOUNCED_POSES = 100_000
 """Number of poses from which on the expected memory and time are stated first."""
 TRIED, PASSES = 1_000, (2.0, 12.0)
@@ -278,7 +275,7 @@ def _calibrated(
     free = found if found.any() else None
     fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, free, widen=widen)
     settled = settled_fit(data, kept, fit, tracked=tracked, doubt=doubt)
-    if settled.dof < LEAST_FREEDOM:
+    if settled.dof < 1.0:  # nothing could be said of its noise or its error
         numbers = len(kept) * problem.measured.components
         raise DatasetError(
             f"{numbers:g} measured numbers leave {max(settled.dof, 0.0):.2g} degrees of freedom",

@@ -26,8 +26,6 @@ from gtpin.typing import Floats, Indices, Mask
 
 LACK_OF_FIT = 1e-3
 """p-value of chi-square below which the model counts as incomplete. Assumed."""
-CORE = 1.2
-"""Ratio of the scale of the fitted t distribution to the noise, above which heavy tails count as a lack of fit too. Assumed."""
 
 
 def places_of(measured: Readings) -> Indices:
@@ -153,10 +151,10 @@ class FitState:
 
     @property
     def scale(self) -> float:
-        """Ratio of the residuals of single visits to noise: the scale of heavy tails, else the root of chi-square; at least
-        ``noise_scale``."""
+        """Ratio of the residuals of single visits to noise: the scale of heavy tails, where it is above 1.2, else the root of
+        chi-square; at least ``noise_scale``."""
         if self.heavy:
-            return max([self.noise_scale, *(tails.scale for tails in self.heavy if tails.scale > CORE)])
+            return max([self.noise_scale, *(tails.scale for tails in self.heavy if tails.scale > 1.2)])
         return max(self.noise_scale, float(np.sqrt(self.chi2 / max(self.dof, 1.0))))
 
     @property

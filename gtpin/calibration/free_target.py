@@ -17,10 +17,6 @@ from gtpin.kinematics.kinematics import Kinematics
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
-POSITION, ROTATION = 0.05, 0.1
-"""Smallest tolerances, m and rad, of a free target about its first guess. The error of the guess is that of the robot,
-millimetres, where the poses determine the target."""
-
 
 def with_free_target(geometry: Geometry, dataset: Dataset) -> Geometry:
     """The geometry with the TCP moved to a first guess of the target and with wide tolerances, if the dataset's target is free.
@@ -60,10 +56,11 @@ def with_target(geometry: Geometry, measured: Measured, *, free_frame: bool) -> 
     values, parameters = geometry.values.copy(), []
     for i, p in enumerate(geometry.parameters):
         if p.kind == "platform":
+            # At least 50 mm and 0.1 rad: the error of the guess is that of the robot, where the poses determine the target.
             values[i] = guess[p.component]
             # A target without orientations is a point: its axes are the TCP's. Any rotation would only couple with its place.
-            at, turn = (POSITION, p.tolerance) if seen.R is None else (place.at_sigma, max(ROTATION, place.mount_sigma))
-            own = max(POSITION, at) if p.component < 3 else turn
+            at, turn = (0.05, p.tolerance) if seen.R is None else (place.at_sigma, max(0.1, place.mount_sigma))
+            own = max(0.05, at) if p.component < 3 else turn
             p = replace(p, nominal=float(values[i]), tolerance=own)
         parameters.append(p)
     return replace(geometry, parameters=tuple(parameters), values=values), place

@@ -19,9 +19,6 @@ from gtpin.typing import Floats
 
 CLIPPED = 1e12
 """Largest whitened residual; larger ones are clipped, so that the square of a gross error is finite."""
-UNKNOWN_STEPS, FARTHEST_UNKNOWN = 12, 1e3
-"""Largest number of Gauss-Newton steps of the instruments' unknowns alone; and the largest deviation of these, m and rad:
-readings that need more are not a robot's, and are compared at this limit."""
 POSITIONS = 1e-2
 """Error of positions, m, that counts as much as 1 rad of orientation where positions are reported: orientations decide only
 what positions leave open, as a rotation about a line of them. Assumed."""
@@ -287,7 +284,7 @@ def with_unknowns(readings: Readings, poses: Poses, *, reported: bool = False) -
     if reported:
         each = np.where(readings.shown, each, each / POSITIONS)
     start = readings.u
-    for _ in range(UNKNOWN_STEPS):
+    for _ in range(12):
         residual = readings.residual_at(poses) / each
         weight = 1.0 / np.maximum(np.abs(residual) / max(float(np.median(np.abs(residual))), 1e-9) / 3.0, 1.0)
         weight = np.ones_like(weight) if reported else weight
@@ -296,7 +293,7 @@ def with_unknowns(readings: Readings, poses: Poses, *, reported: bool = False) -
         normal = J.T @ J + np.diag(prior) + 1e-12 * np.eye(len(unit))
         step = np.linalg.solve(normal, J.T @ (residual * np.sqrt(weight)).ravel() - prior * x)
         now = readings.u + unit * step
-        far = ~(np.abs(now - start) <= FARTHEST_UNKNOWN)
+        far = ~(np.abs(now - start) <= 1e3)  # readings that need more are not a robot's, and are compared at this limit
         readings = readings.at(np.where(far, readings.u, now))
         if np.abs(step).max() < 1e-6:
             break

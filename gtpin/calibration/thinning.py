@@ -15,8 +15,6 @@ from gtpin.typing import Floats, Indices, Mask
 PER_CHOSEN, CANDIDATES = 4, (5_000, 40_000)
 """Number of poses drawn at random for each that is chosen, and the fewest and most of them. It does not grow with the dataset,
 so that the choice takes a time that is linear in the rows."""
-ROUNDS = 64
-"""Number of rounds of the choice: the information of what is chosen is computed anew in each."""
 VISITS = 10
 """Most rows of a pose."""
 
@@ -76,7 +74,7 @@ def _most_telling(some: Dataset, geometry: Geometry, chosen: Mask, poses: int) -
         information = information + flat.T @ flat
         gain = np.bincount(pose, gains(B, information), minlength=len(chosen))
         gain[taken] = 0.0
-        best = np.argsort(-gain, kind="stable")[: min(poses - int(taken.sum()), -(-poses // ROUNDS))]
+        best = np.argsort(-gain, kind="stable")[: min(poses - int(taken.sum()), -(-poses // 64))]
         best = best[gain[best] > 0.0]
         if not len(best):
             return np.flatnonzero(taken & ~chosen)

@@ -24,8 +24,6 @@ _NEARLY_ALL = 0.95
 MOST_IMPOSSIBLE = 0.1
 """Share of the rows that may lack a reading before the column is refused; assumed."""
 _OVERFLOW = (-999.0, -9999.0, -99999.0, 9999.0, 99999.0, 65535.0, 32767.0, -32768.0, 2147483647.0, 4294967295.0)
-FASTEST = 20.0
-"""Speed, m/s or rad/s, above which no actuator of a robot moves. Assumed."""
 
 
 class Actuated(Protocol):
