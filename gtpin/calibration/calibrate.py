@@ -277,12 +277,9 @@ def _calibrated(
     settled = settled_fit(data, kept, fit, tracked=tracked, doubt=doubt)
     if settled.dof < 1.0:  # nothing could be said of its noise or its error
         numbers = len(kept) * problem.measured.components
-        raise DatasetError(
-            f"{numbers:g} measured numbers leave {max(settled.dof, 0.0):.2g} degrees of freedom",
-            file=data.file,
-            hint="measure more: a fit needs more numbers than it takes to fit them (of touches of one plane, about 25; a mesh "
-            "of 7 x 7 is good)",
-        )
+        what = f"{numbers:g} measured numbers leave {max(settled.dof, 0.0):.2g} degrees of freedom"
+        hint = "measure more: a fit needs more numbers than it takes to fit them (of touches of one plane, about 25; a mesh of "
+        raise DatasetError(what, file=data.file, hint=f"{hint}7 x 7 is good)")
     return _result(settled, near, whole, usable, tracked=tracked)
 
 

@@ -41,6 +41,10 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 
+DESCRIBED = ("tcp", "actuators", "home", "conditions", "tolerance")
+"""Keys of dataset.toml that a dataset has as they are."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Dataset(Shown):
     """N measured TCP poses of a robot with n actuators.
@@ -143,13 +147,7 @@ class Dataset(Shown):
             "position": rows.floats(self.position, list(POSITION)),
             "orientation": None if self.orientation is None else rows.quaternions(self.orientation),
             "covariates": rows.covariates(self.covariates, q.shape[1], TAKEN_IN_POSES),
-            "robot": description.robot,
-            "tcp": description.tcp,
-            "actuators": description.actuators,
-            "home": description.home,
-            "instrument": description.instrument,
-            "conditions": description.conditions,
-            "drivers": description.drivers,
+            **{name: getattr(description, name) for name in ("robot", "instrument", "drivers", *DESCRIBED)},
             "tolerance": dict(description.tolerance),
             "row": rows.line,
         }
@@ -286,18 +284,8 @@ class Dataset(Shown):
             rows |= {"orientation": table.orientation(), "covariates": table.covariates(taken)}
             rows |= {"instrument": common.instrument, "row": table.row, "file": file}
         carts = find_table(path, "carts")
-        dataset = cls(
-            robot=common.robot,
-            conditions=common.conditions,
-            tolerance=common.tolerance,
-            tcp=common.tcp,
-            actuators=common.actuators,
-            home=common.home,
-            drivers=common.drivers,
-            carts=CartMeasurements.read(carts, rows["q"].shape[1]) if carts else None,
-            path=path,
-            **rows,
-        )
+        rows |= {name: getattr(common, name) for name in ("robot", "drivers", *DESCRIBED)}
+        dataset = cls(carts=CartMeasurements.read(carts, rows["q"].shape[1]) if carts else None, path=path, **rows)
         if table is not None:
             table.warn_of_covariates(taken)
         dataset._check_drivers()
@@ -363,18 +351,10 @@ class Dataset(Shown):
         }
 
     def _description(self, robot: str) -> Description:
+        same = {name: getattr(self, name) for name in ("instrument", *DESCRIBED)}
+        drivers = [asdict(driver) for driver in self.drivers]
         return describe(
-            {
-                "schema": SCHEMA,
-                "robot": robot,
-                "tcp": self.tcp,
-                "actuators": self.actuators,
-                "home": self.home,
-                "driver": [asdict(driver) for driver in self.drivers],
-                "instrument": self.instrument,
-                "conditions": self.conditions,
-                "tolerance": dict(self.tolerance),
-            }
+            {"schema": SCHEMA, "robot": robot, "driver": drivers, **same, "tolerance": dict(self.tolerance)}
         )
 
     def _robot_seen_from(self, folder: Path) -> str:

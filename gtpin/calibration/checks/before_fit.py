@@ -16,7 +16,7 @@ from gtpin.calibration.checks.moved import check_sessions
 from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.readings import UNITS
 from gtpin.calibration.checks.recognise import recognised
-from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
+from gtpin.calibration.checks.suspected import NO_FIT, Size, about_track, refuse, suspect
 from gtpin.calibration.free_target import with_free_target, with_target
 from gtpin.calibration.gauss_newton import fit
 from gtpin.calibration.problem import Measured, Problem, measured_poses, problem_of, rough_frame
@@ -161,11 +161,6 @@ def reach_of(geometry: Geometry) -> float:
     return max(0.05, 50.0 * max(lengths, default=0.0))
 
 
-def about_track(geometry: Geometry) -> Mask:
-    """(p,) rotations of measured tracks about themselves: they depend on where targets were on carts, and are no errors."""
-    return np.array([p.kind == "track_direction" and p.component == 2 for p in geometry.parameters], dtype=bool)
-
-
 def check_moved(dataset: Dataset, geometry: Geometry, nominal: Geometry, near: Poses, free: Mask | None) -> None:
     """Refuse a fitted geometry whose links stand elsewhere than this robot's; the error names the farthest parameter.
 
@@ -244,14 +239,10 @@ def check_mixed_units(dataset: Dataset, poses: Poses) -> None:
         return
     rows, unit, factor, before, after = found
     lines = dataset.row[there][rows]
-    error = DatasetError(
-        f"x y z look like {unit} in {rows.sum()} of {len(dataset)} rows, the first in line {lines.min()} and the last in line "
-        f"{lines.max()} of the file, and like metres in the others",
-        file=dataset.file,
-        row=int(lines.min()),
-        column="x y z",
-        hint=f"multiply x, y and z of these rows by {factor:g}",
-    )
+    first, last, hint = int(lines.min()), int(lines.max()), f"multiply x, y and z of these rows by {factor:g}"
+    what = f"x y z look like {unit} in {rows.sum()} of {len(dataset)} rows, the first in line {first} and the last in line "
+    what += f"{last} of the file, and like metres in the others"
+    error = DatasetError(what, file=dataset.file, row=first, column="x y z", hint=hint)
     suspect(error, dataset, (before, 0.0), (after, 0.0))
 
 

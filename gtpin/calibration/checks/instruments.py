@@ -94,7 +94,6 @@ def check_readable(
         now = Misfit.of(readings, poses, i)
         if not now.exceeds(reach, limits.READ_SUSPECT) and now.deviation <= 10.0:
             continue
-        file = readings.rows.files[i]
         tried = list(_read_otherwise(readings, poses, i))
         least = min((misfit.size for misfit, *_ in tried), default=np.inf)
         # The first way that is about as good as the best: the usual and simple ones come first.
@@ -106,21 +105,13 @@ def check_readable(
             suspect(error, dataset, _size(fitted(readings, i, True)), _size(fitted(read, i, True)))
         elif now.exceeds(reach):
             check_heights(dataset, readings, poses, reach, fitted)
-            looks, what = (
-                _recognised(readings, nominal, poses, i),
-                f"readings of {one.name} are {now} off what the nominal",
-            )
-            error = DatasetError(
-                f"{what} robot gives{f': {looks.looks}' if looks else ''}",
-                file=file,
-                column=looks.columns if looks else None,
-                hint=looks.hint if looks else "check units, signs, commands, and where instrument and target stood",
-            )
+            what, column = f"readings of {one.name} are {now} off what the nominal robot gives", None
+            hint = "check units, signs, commands, and where instrument and target stood"
+            if looks := _recognised(readings, nominal, poses, i):
+                what, column, hint = f"{what}: {looks.looks}", looks.columns, looks.hint
             after = fitted(readings, i)
-            if after is None or after.exceeds(limits.READ_LEFT * reach):
-                refuse(error, dataset)
-            else:
-                warn(str(error))
+            error = DatasetError(what, file=readings.rows.files[i], column=column, hint=hint)
+            refuse(error, dataset, sure=after is None or after.exceeds(limits.READ_LEFT * reach))
 
 
 def _recognised(readings: Readings, nominal: Model, poses: Poses, index: int) -> Interpretation | None:
@@ -189,11 +180,8 @@ def explained(readings: Readings, poses: Poses) -> Iterator[None]:
         if found[worst].size < limits.READ_BETTER:
             raise
         by = f"the nominal robot gives others, by {found[worst]} and {found[worst].deviation:.2g} prior sigmas of its unknowns"
-        raise ConvergenceError(
-            f"readings of {readings.instruments[worst].name} can't be fitted ({error.what}); {by}",
-            file=readings.rows.files[worst],
-            hint=LOOK,
-        ) from None
+        what = f"readings of {readings.instruments[worst].name} can't be fitted ({error.what}); {by}"
+        raise ConvergenceError(what, file=readings.rows.files[worst], hint=LOOK) from None
 
 
 def check_fitted(dataset: Dataset, readings: Readings, poses: Poses, reach: float, before: Sequence[Misfit]) -> None:

@@ -27,8 +27,8 @@ from gtpin.noise.estimate import ENOUGH
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats, Indices, Mask
 
-NEIGHBOURS = ((1, "before"), (-1, "after"))
-"""Shifts of the commands, in rows, that are tried, and the row from which each row then has its commands."""
+OWN = "give these rows a session of their own in the column session, or leave them out"
+"""What the user should do with rows that were measured after a motion of the instrument."""
 
 
 def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: Mask, *, bumps: bool = True) -> None:
@@ -50,7 +50,10 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
         0.1 * before, 3.0 * usual
     )  # a neighbour's command or a moved frame explains the whole error or nothing
     file, row, rows = dataset.file, int(dataset.row[first]), f"rows {dataset.row[first]} to {dataset.row[last]}"
-    for by, neighbour in NEIGHBOURS:
+    for by, neighbour in (
+        (1, "before"),
+        (-1, "after"),
+    ):  # shift of the commands, and the row from which each row has them
         inner = slice(first + 1, last)  # the ends have no neighbour in the stretch
         left = _median_off(measured.T[inner], np.roll(predicted.T, by, axis=0)[inner])
         if left < mended:
@@ -64,8 +67,7 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
     if left < mended and not own_session(dataset, part):
         what = f"{rows} are {1e3 * before:.3g} mm from where the other rows say, all by the same motion: the instrument was "
         what += "bumped or set up anew"
-        hint = "give these rows a session of their own in the column session, or leave them out"
-        suspect(DatasetError(what, file=file, row=row, hint=hint), dataset, (before, 0.0), (left, 0.0))
+        suspect(DatasetError(what, file=file, row=row, hint=OWN), dataset, (before, 0.0), (left, 0.0))
 
 
 def stretch(far: Mask) -> slice | None:
@@ -238,13 +240,11 @@ def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noi
         if scan.moved(_alternatives(dataset, scan.rows))[0] < 1.2 * left:
             continue
         lines = dataset.row[rows]
-        error = DatasetError(
-            f"rows {lines[0]} to {lines[-1]}{words} read {moved * 1e3:.2g} mm off what the others say, all by the same motion: "
-            "the instrument was bumped or set up anew, or a drive's zero moved",
-            file=dataset.file,
-            row=int(lines[0]),
-            hint="give these rows a session of their own in the column session, or leave them out",
+        what = (
+            f"rows {lines[0]} to {lines[-1]}{words} read {moved * 1e3:.2g} mm off what the others say, all by the same "
         )
+        what += "motion: the instrument was bumped or set up anew, or a drive's zero moved"
+        error = DatasetError(what, file=dataset.file, row=int(lines[0]), hint=OWN)
         sigmas = float(noise.sigma[0]), float(noise.sigma[1]) if whole.F.shape[1] == 6 else 0.0
         before, after = ([size * np.sqrt(2.0 * power / numbers) for size in sigmas] for power in (scan.alone, left))
         return suspect(error, dataset, (before[0], before[1]), (after[0], after[1]))
@@ -311,14 +311,10 @@ def _suspect(dataset: Dataset, moved: dict[str, float], least: float) -> None:
         return
     moves = listed([f"{1e3 * moved[name]:.3g} mm in session {name}" for name in far], limits.NAMED)
     moves += " sessions" * (len(far) > limits.NAMED)
-    error = DatasetError(
-        f"the instrument moved between sessions: from where it stood in session {first} by {moves}",
-        file=dataset.file,
-        column="session",
-        hint='set stations = "session" under [instrument]: the frame of each session is found too; or register the sessions to '
-        "common marks and give all poses in one frame",
-    )
-    refuse(error, dataset)
+    what = f"the instrument moved between sessions: from where it stood in session {first} by {moves}"
+    hint = 'set stations = "session" under [instrument]: the frame of each session is found too; or register the sessions to '
+    hint += "common marks and give all poses in one frame"
+    refuse(DatasetError(what, file=dataset.file, column="session", hint=hint), dataset)
 
 
 def _sessions(dataset: Dataset) -> tuple[NDArray[np.str_], list[str]]:

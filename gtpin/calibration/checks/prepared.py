@@ -63,10 +63,8 @@ def known_noise(dataset: Dataset, position: float | None, orientation: float | N
     Raises `DatasetError` if a sigma that the data need is not known (None).
     """
     if position is None or (orientation is None and dataset.orientation is not None):
-        raise DatasetError(
-            "the noise is not known: neither these data nor the model state it",
-            file=dataset.file,
-            column="instrument.position_sigma" if position is None else "instrument.orientation_sigma",
-            hint="declare position_sigma and orientation_sigma under [instrument], or calibrate the model again",
-        )
+        column = f"instrument.{'position' if position is None else 'orientation'}_sigma"
+        hint = "declare position_sigma and orientation_sigma under [instrument], or calibrate the model again"
+        what = "the noise is not known: neither these data nor the model state it"
+        raise DatasetError(what, file=dataset.file, column=column, hint=hint)
     return Noise(position, 1.0 if orientation is None else orientation, repeatability)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from gtpin.calibration.checks import limits
-from gtpin.calibration.checks.before_fit import about_track, moved_too_far
+from gtpin.calibration.checks.before_fit import moved_too_far
 from gtpin.calibration.checks.suspected import UNEXPLAINED, warn_of_far_parameters, zeros_beyond, zeros_off
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.problem import FRAME_UNIT, Point, Problem, rough_frame, with_unknowns
@@ -82,9 +82,8 @@ def without_prior_conflict(fit: RobustFit, settled: FitState) -> FitState:
     if (text or _target_may_explain(admitted)) and (doubt := _elsewhere_on_platform(fit, admitted, fits=not text)):
         warn(doubt)
         return replace(admitted, doubt=doubt)
-    anywhere, told = about_track(settled.fit.point.model.geometry), zeros_off(admitted) in text
     if fit.widen:  # else causes may explain what is far off
-        warn_of_far_parameters(admitted, settled.geometry.tolerance, anywhere, told)
+        warn_of_far_parameters(admitted, settled.geometry.tolerance, zeros_off(admitted) in text)
     if text:
         warn(text)
     return admitted

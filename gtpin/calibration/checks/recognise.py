@@ -10,18 +10,8 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.calibration.checks import limits
+from gtpin.calibration.checks import limits, readings
 from gtpin.calibration.checks.commands import CommandSearch
-from gtpin.calibration.checks.readings import (
-    CommandReading,
-    Reading,
-    Rotations,
-    misread,
-    one_mistake,
-    position_readings,
-    rotation_readings,
-    several_mistakes,
-)
 from gtpin.calibration.free_target import without_target
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data.instrument_tables import Point
@@ -37,7 +27,7 @@ _ELSEWHERE = ("the instrument looks to stand elsewhere than in the base frame", 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Interpretation(Reading):
+class Interpretation(readings.Reading):
     """A way to read the data, as they are or with mistakes corrected.
 
     - ``columns``: the columns that have the mistake.
@@ -156,9 +146,9 @@ class Search:
         return _size(self.poses)
 
     @cached_property
-    def _misread(self) -> list[Rotations]:
+    def _misread(self) -> list[readings.Rotations]:
         """Rotations whose numbers were converted by another convention."""
-        return [] if self.rotation is None else list(misread(self.rotation))
+        return [] if self.rotation is None else list(readings.misread(self.rotation))
 
     @property
     def lost(self) -> bool:
@@ -222,7 +212,7 @@ class Search:
             return
         for turned in dict.fromkeys((self.free, True)):
             if all(r.misfit > enough or r.mistakes > 1 for r in (*found, *others)):
-                several = list(self._commands(several_mistakes(self.nominal.robot.revolute), turned))
+                several = list(self._commands(readings.several_mistakes(self.nominal.robot.revolute), turned))
                 others += several
                 yield from several
 
@@ -231,7 +221,7 @@ class Search:
         yield from measured
         # Where the orientations alone must be read otherwise, the positions show that the commands are right.
         if not any(r.misfit <= self.accepted and r.columns == " ".join(ORIENTATION) for r in measured):
-            yield from self._commands(one_mistake(self.nominal.robot.revolute), turned)
+            yield from self._commands(readings.one_mistake(self.nominal.robot.revolute), turned)
 
     def _read(
         self,
@@ -248,15 +238,10 @@ class Search:
         if elsewhere:
             columns = columns if looks else "x y z"
             looks, hint = (f"{b}, and {a}" if a else b for a, b in zip((looks, hint), _ELSEWHERE, strict=True))
+            mistakes += 1
+        misfit = misfit if looks else np.inf
         return Interpretation(
-            looks,
-            hint,
-            mistakes + elsewhere,
-            columns=columns,
-            measured=measured,
-            poses=poses,
-            misfit=misfit if looks else np.inf,
-            elsewhere=elsewhere,
+            looks, hint, mistakes, columns=columns, measured=measured, poses=poses, misfit=misfit, elsewhere=elsewhere
         )
 
     def _measurements(self, turned: bool) -> Iterator[Interpretation]:
@@ -266,7 +251,7 @@ class Search:
         if self.lost:
             return
         near = min(self.misfit / limits.BETTER, self.accepted)
-        for p in position_readings(turned=turned, alone=rotation is None):
+        for p in readings.position_readings(turned=turned, alone=rotation is None):
             T = self.measured.T @ p.matrix.T
             seen = self._seen(poses, Measured(q, T, None), turned)
             if float(np.median(np.linalg.norm(T - seen.T, axis=1))) > near:
@@ -275,7 +260,7 @@ class Search:
             if rotation is None:
                 yield self._read((columns, p.looks, p.hint, p.mistakes), Measured(q, T, None), poses, turned)
                 continue
-            for o in (*rotation_readings(rotation, p.axes, turned=turned), *self._misread):
+            for o in (*readings.rotation_readings(rotation, p.axes, turned=turned), *self._misread):
                 if self.free_tool and o.of_target:  # other axes of the target are a free target
                     continue
                 mount = nearest((np.swapaxes(seen.R, 1, 2) @ o.R).sum(axis=0)) if self.free_target else np.eye(3)
@@ -290,14 +275,14 @@ class Search:
             what = "the poses look inverted (the instrument in the target's frame)"
             yield self._read(("x y z qw qx qy qz", what, "give the inverse of each", 1), inverse, poses, turned)
 
-    def _commands(self, readings: Iterable[CommandReading], turned: bool) -> Iterator[Interpretation]:
+    def _commands(self, ways: Iterable[readings.CommandReading], turned: bool) -> Iterator[Interpretation]:
         """Readings of the commands, with zeros of drives that are fitted to what was measured."""
         # For poses that are close together, other commands look like a geometry within its tolerances.
         if not self.far:
             return
         kinematics = self.nominal.kinematics
         search = CommandSearch(kinematics, self.all, self.size, turned, self.free_target, self.at)
-        for misfit, reading, z in search.found(readings):
+        for misfit, reading, z in search.found(ways):
             q = self.all.q @ reading.matrix.T + z
             poses = self._of_target(kinematics.forward(q))
             there = poses.reached

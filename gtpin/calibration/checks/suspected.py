@@ -17,6 +17,7 @@ from gtpin.data import Dataset
 from gtpin.data.plausible import named_poses
 from gtpin.errors import ConvergenceError, DatasetError, listed, warn
 from gtpin.model.departures import ParameterOrZero, with_zeros
+from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats, Mask
 
 Size = tuple[float, float]
@@ -76,9 +77,9 @@ def recalled(texts: list[str]) -> Iterator[None]:
         raise
 
 
-def refuse(error: DatasetError, dataset: Dataset) -> None:
-    """Raise the error of data that can't be fitted as they are, or only warn of it for a trusted dataset."""
-    if not dataset.trusted:
+def refuse(error: DatasetError, dataset: Dataset, *, sure: bool = True) -> None:
+    """Raise the error of data that can't be fitted as they are; only warn if that is not ``sure``, or the data are trusted."""
+    if sure and not dataset.trusted:
         raise error
     warn(str(error))
 
@@ -112,15 +113,18 @@ def far_from_declared(values: Floats, names: Sequence[str], unit: str) -> str:
     return listed([f"{names[i]} ({values[i]:+.0f} {unit})" for i in order], limits.NAMED)
 
 
-def warn_of_far_parameters(
-    settled: FitState, tolerance: Floats, anywhere: Mask | bool = False, told: bool = False
-) -> None:
+def about_track(geometry: Geometry) -> Mask:
+    """(p,) rotations of measured tracks about themselves: they depend on where targets were on carts, and are no errors."""
+    return np.array([p.kind == "track_direction" and p.component == 2 for p in geometry.parameters], dtype=bool)
+
+
+def warn_of_far_parameters(settled: FitState, tolerance: Floats, told: bool = False) -> None:
     """Warn of the geometry's parameters that are far from nominal; of joints whose zero explains it, by the zero.
 
-    ``tolerance``: (p,) unit of the deviations, before tolerances were widened. ``anywhere``: (p,) parameters that may have any
-    value. ``told``: whether the zeros are told already.
+    ``tolerance``: (p,) unit of the deviations, before tolerances were widened. ``told``: whether the zeros are told already.
     """
     fitted = settled.fit.point.model.geometry
+    anywhere = about_track(fitted)
     far = np.where(anywhere, 0.0, fitted.deviation / tolerance)
     if not far_from_declared(far, fitted.names, "tolerances"):
         return
