@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtpin.calibration.calibrate import calibrate
-from gtpin.calibration.checks.prepared import prepared
+from gtpin.calibration.checks.before_fit import prepared
 from gtpin.calibration.checks.prior_conflict import PLACES
 from gtpin.calibration.free_target import with_free_target
 from gtpin.calibration.result import Calibration
