@@ -30,7 +30,7 @@ UNITS = (
 )
 """Units, other than metres, in which lengths are written, and the length of each in metres."""
 DEGREES = (("degrees", np.pi / 180.0),)
-AXES, VECTOR = ("x", "y", "z"), ("qx", "qy", "qz")
+AXES = ("x", "y", "z")
 ONE: Final = np.eye(3)
 Euler = Literal["xyz", "zyx", "yxz", "xzy", "yzx", "zxy", "XYZ", "ZYX", "zyz", "ZYZ", "zxz", "ZXZ"]
 Convention = Euler | Literal["rotation vector"]
@@ -75,11 +75,8 @@ class Rotations(Reading):
 @cache
 def signed_permutations() -> tuple[Floats, ...]:
     """All 48 matrices that swap and reverse axes: first the identity, then its negative, then the reversals of one axis."""
-    found = [
-        np.eye(3)[list(p)] * np.array(s)[:, None]
-        for p in permutations(range(3))
-        for s in product((1.0, -1.0), repeat=3)
-    ]
+    ways = product(permutations(range(3)), product((1.0, -1.0), repeat=3))
+    found = [np.eye(3)[list(order)] * np.array(signs)[:, None] for order, signs in ways]
     return tuple(sorted(found, key=lambda m: int((m != ONE).sum()) - 3 * int((m == -ONE).all())))
 
 
@@ -133,7 +130,7 @@ def rotation_readings(rotation: Rotation, axes: Floats = ONE, *, turned: bool) -
         with_axes = bool((vector == handed).all()) and not (axes == ONE).all()
         looks = f"qx qy qz look {'to be so too' if with_axes else 'to be along other axes'}"
         read = from_quaternions(np.hstack([wxyz[:, :1], wxyz[:, 1:] @ vector.T]))
-        yield Rotations(looks, f"write {_assigned(vector, VECTOR)}", int(not with_axes), R=read)
+        yield Rotations(looks, f"write {_assigned(vector, ORIENTATION[1:])}", int(not with_axes), R=read)
     for s in signed_permutations()[1:]:
         if np.linalg.det(s) < 0.0:
             continue
@@ -186,9 +183,8 @@ def reread(rotation: Rotation, taken: Convention, meant: Convention, *, by_axis:
 def _described(convention: Convention, by_axis: bool) -> str:
     if convention == ROTATION_VECTOR:
         return "rotation vectors"
-    if by_axis:
-        return f"Euler angles {convention} about fixed axes ({convention[::-1].upper()} about moving axes)"
-    return f"Euler angles {convention} about {'fixed' if convention.islower() else 'moving'} axes"
+    words = f"Euler angles {convention} about {'fixed' if convention.islower() else 'moving'} axes"
+    return f"{words} ({convention[::-1].upper()} about moving axes)" if by_axis else words
 
 
 def _axes_words(s: Floats) -> tuple[list[str], list[str]]:
@@ -237,8 +233,8 @@ class CommandReading:
         """What the commands look like and what the user should do, with zeros z (n,), m or rad."""
         looks, hints = list(self.looks), list(self.hints)
         for j in self.zeros:
-            degrees = f", {np.degrees(z[j]):+.4g} degrees" if revolute[j] else ""
-            looks.append(f"q{j + 1} looks shifted by {z[j]:+.3g} (the drive's zero{degrees})")
+            turned = f", {np.degrees(z[j]):+.4g} degrees" if revolute[j] else ""
+            looks.append(f"q{j + 1} looks shifted by {z[j]:+.3g} (the drive's zero{turned})")
             # A convention differs by whole quarters of a turn: what is beyond is the zero, which a calibration finds.
             degrees_off = 90.0 * np.round(z[j] / (np.pi / 2.0)) if revolute[j] else 0.0
             whole = degrees_off != 0.0 and abs(z[j] - np.radians(degrees_off)) < TOLERANCE["zero"]
@@ -308,10 +304,8 @@ def _of_two(
         matrix[pair[1], pair[0]] = coupling
         one, two = (names[j] for j in pair)
         total = f"{'-' * (signs[1] < 0)}{two} {'+' if coupling > 0 else '-'} {one}"
-        looks.append(
-            f"{two} looks counted from a fixed direction (as the horizontal) and not from the link before it: the joint turns "
-            f"by {total}"
-        )
+        look = f"{two} looks counted from a fixed direction (as the horizontal) and not from the link before it: the joint"
+        looks.append(f"{look} turns by {total}")
         hints = [*hints[: signs[0] < 0], f"write {total} under {two}"]
         if signs[0] < 0:
             hints[0], hints[-1] = f"{hints[-1]} ({one} as it is now)", hints[0]
@@ -321,8 +315,6 @@ def _of_two(
 
 LENGTHS = {TrackerTable: ("x", "y", "z"), RangeTable: ("range",), PlaneTable: ("height",)}
 """Columns of lengths."""
-PLACES = ("stations", "planes", "sockets")
-"""Keys of dataset.toml that have points of the base frame."""
 TILTS: tuple[tuple[str, tuple[str, str], tuple[float, float]], ...] = (
     ("tilt_x has the other sign", ("tilt_x", "tilt_y"), (-1.0, 1.0)),
     ("tilt_y has the other sign", ("tilt_x", "tilt_y"), (1.0, -1.0)),
@@ -356,7 +348,7 @@ def table_readings(rows: InstrumentRows, index: int, unit_of_reading: str) -> It
     table, mine = rows.tables[index], rows.rows_of(index)
     lengths = [name for name in LENGTHS.get(type(table), ()) if name in rows.columns]
     present = [name for name in lengths if np.isfinite(rows.columns[name][mine]).all()]
-    keys = {key: key for key in PLACES if getattr(table, key, None)}
+    keys = {key: key for key in ("stations", "planes", "sockets") if getattr(table, key, None)}
     if table.targets or isinstance(table.target, tuple):
         key = "targets" if table.targets else "target"
         keys[key] = f"the {key}"
