@@ -16,9 +16,16 @@ from gtpin.calibration.checks.moved import check_sessions
 from gtpin.calibration.checks.readings import UNITS
 from gtpin.calibration.checks.recognise import recognised
 from gtpin.calibration.checks.suspected import NO_FIT, Size, about_track, refuse, suspect
-from gtpin.calibration.free_target import with_free_target, with_target
 from gtpin.calibration.gauss_newton import fit
-from gtpin.calibration.problem import Measured, Problem, measured_poses, problem_of, rough_frame
+from gtpin.calibration.problem import (
+    Measured,
+    Problem,
+    measured_poses,
+    problem_of,
+    rough_frame,
+    with_free_target,
+    with_target,
+)
 from gtpin.data import Dataset, InstrumentSection, check_commands, without_whole_turns
 from gtpin.data.duplicates import counted_once, with_rounding
 from gtpin.data.files import warn_of

@@ -304,7 +304,9 @@ def _of_two(
         matrix[pair[1], pair[0]] = coupling
         one, two = (names[j] for j in pair)
         total = f"{'-' * (signs[1] < 0)}{two} {'+' if coupling > 0 else '-'} {one}"
-        look = f"{two} looks counted from a fixed direction (as the horizontal) and not from the link before it: the joint"
+        look = (
+            f"{two} looks counted from a fixed direction (as the horizontal) and not from the link before it: the joint"
+        )
         looks.append(f"{look} turns by {total}")
         hints = [*hints[: signs[0] < 0], f"write {total} under {two}"]
         if signs[0] < 0:

@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from gtpin.calibration.checks import limits, readings
 from gtpin.calibration.checks.commands import CommandSearch
-from gtpin.calibration.free_target import without_target
-from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.calibration.problem import Measured, rough_frame, without_target
 from gtpin.data.instrument_tables import Point
 from gtpin.data.names import ORIENTATION
 from gtpin.instruments.frame_and_target import frame_and_target, nearest
