@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from gtpin.calibration.checks.after_fit import settled_fit
+from gtpin.calibration.checks.after_fit import settled_poses, settled_readings
 from gtpin.calibration.checks.before_fit import fittable
 from gtpin.calibration.checks.suspected import recalled
 from gtpin.calibration.fit_state import FitState, unexplained_by
@@ -178,7 +178,11 @@ def calibrate(
         if both := [name for name in fixed if name in freed]:
             raise ModelError(f"{both[0]} is to be held and freed", hint="name it in fix or in free")
         geometry = geometry.freed(freed).holding(fixed)
-        limits = _checked_bounds(bounds or {}, (*geometry.names, *fixed))
+        limits = dict(bounds or {})
+        check_names(limits, (*geometry.names, *fixed))
+        for name, ends in limits.items():
+            if np.shape(ends) != (2,) or not ends[0] < ends[1]:
+                raise ModelError(f"bounds of {name} are {ends!r}", hint="give the smallest and the largest value")
         if poses is not None:
             data = thinned(data, geometry, poses)
 
@@ -236,15 +240,6 @@ def _warn_of_unused(dataset: Dataset, nominal: Callable[..., Geometry]) -> None:
         )
 
 
-def _checked_bounds(bounds: Mapping[str, tuple[float, float]], names: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Bounds by name; raises `ModelError` where no parameter has a name, or the first number is not below the second."""
-    check_names(bounds, names)
-    for name, ends in bounds.items():
-        if np.shape(ends) != (2,) or not ends[0] < ends[1]:
-            raise ModelError(f"bounds of {name} are {ends!r}", hint="give the smallest and the largest value")
-    return {name: (float(low), float(high)) for name, (low, high) in bounds.items()}
-
-
 def _beyond(found: Calibration, bounds: Mapping[str, tuple[float, float]]) -> tuple[str, float] | None:
     """The parameter that is farthest outside its bounds, in sigmas, and the end that it exceeds; None: all are inside."""
     inside = {name: float(np.clip(found[name].value, *ends)) for name, ends in bounds.items() if name in found.names}
@@ -274,7 +269,7 @@ def _calibrated(
     found = np.array([p.is_free or (target and p.kind == "platform") for p in parameters], dtype=bool)
     free = found if found.any() else None
     fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, free, widen=widen)
-    settled = settled_fit(data, kept, fit, tracked=tracked, doubt=doubt)
+    settled = settled_poses(kept, fit, doubt=doubt) if tracked else settled_readings(data, kept, fit, doubt=doubt)
     if settled.dof < 1.0:  # nothing could be said of its noise or its error
         numbers = len(kept) * problem.measured.components
         what = f"{numbers:g} measured numbers leave {max(settled.dof, 0.0):.2g} degrees of freedom"

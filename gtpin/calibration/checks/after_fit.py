@@ -35,20 +35,14 @@ from gtpin.noise.reading_noise import SMALLEST
 from gtpin.typing import Floats, Mask
 
 
-def settled_fit(given: Dataset, kept: Dataset, fit: RobustFit, *, tracked: bool, doubt: bool) -> FitState:
-    """Run the robust fit of the rows that are ``kept`` of a dataset, with its checks.
+def settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
+    """Run the robust fit of the rows that are ``kept`` of the poses that one tracker measured, with its checks.
 
-    ``tracked``: whether one tracker measured poses. ``doubt``: whether the declared noise, frame and tolerances are checked
-    too; the noise of readings always is.
+    ``doubt``: whether the declared noise, frame and tolerances are checked too; the noise of readings always is.
 
     Raises `DatasetError` if the data can't be this robot's, or the fit does not describe them. `ConvergenceError` if it
     does not converge for another reason. Warns: names the poses that are rejected, and what was assumed wrongly.
     """
-    return _settled_poses(kept, fit, doubt=doubt) if tracked else _settled_readings(given, kept, fit, doubt=doubt)
-
-
-def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
-    """As :func:`settled_fit`, for poses that one tracker measured."""
     measured, seen = fit.whole.poses, fit.whole.start.in_instrument_frame(fit.near)
     far = np.asarray(np.linalg.norm(measured.T - seen.T, axis=1) > reach_of(fit.whole.start.geometry))
     moved.check_stretch(kept, measured, seen, far, bumps=False)
@@ -182,8 +176,8 @@ def _coarse_commands(model: Model, measured: Measured, poses: Poses) -> str | No
     return f"all commands are multiples of {steps.words}, and poses are off by {size:.2g} mm, as such a step makes them"
 
 
-def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
-    """As :func:`settled_fit`, for readings of any instruments."""
+def settled_readings(given: Dataset, kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
+    """As :func:`settled_poses`, for readings of any instruments."""
     readings, near, reach = fit.whole.measured, fit.near, reach_of(fit.whole.start.geometry)
 
     def misfit(some: Readings, index: int, rough: bool = False) -> instruments.Misfit | None:
