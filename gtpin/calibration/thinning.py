@@ -38,7 +38,10 @@ def thinned(dataset: Dataset, geometry: Geometry, poses: int) -> Dataset:
     if poses >= count:
         return dataset
     drawn = np.random.default_rng(0).permutation(count)[: max(poses, int(np.clip(PER_CHOSEN * poses, *CANDIDATES)))]
-    rows = _first_visits(dataset)
+    by_pose = np.argsort(dataset.visits, kind="stable")
+    ordered = dataset.visits[by_pose]
+    earlier = np.arange(len(dataset)) - np.searchsorted(ordered, ordered)
+    rows = np.sort(by_pose[earlier < VISITS])
     some = dataset.take(rows[np.isin(dataset.visits[rows], drawn)])
     chosen = np.zeros(count, dtype=bool)
     chosen[drawn[: poses - poses // 2]] = True
@@ -50,14 +53,6 @@ def thinned(dataset: Dataset, geometry: Geometry, poses: int) -> Dataset:
         "determine the geometry best"
     )
     return replace(found, rows_of=dataset.rows_of or len(dataset))
-
-
-def _first_visits(dataset: Dataset) -> Indices:
-    """Ascending indices of the rows that are among the first ``VISITS`` of their poses."""
-    order = np.argsort(dataset.visits, kind="stable")
-    ordered = dataset.visits[order]
-    begins = np.searchsorted(ordered, ordered)
-    return np.sort(order[np.arange(len(order)) - begins < VISITS])
 
 
 def _most_telling(some: Dataset, geometry: Geometry, chosen: Mask, poses: int) -> Indices:

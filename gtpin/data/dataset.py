@@ -163,8 +163,7 @@ class Dataset(Shown):
             object.__setattr__(self, "instrument", InstrumentSection())
             object.__setattr__(self, "position", np.zeros_like(self.position))
             object.__setattr__(self, "orientation", None)
-        readings = self.readings.at_stations(self.covariates.get("session"))
-        object.__setattr__(self, "readings", readings)
+        object.__setattr__(self, "readings", self.readings.at_stations(self.covariates.get("session")))
 
     def __len__(self) -> int:
         return len(self.pose)
@@ -309,7 +308,12 @@ class Dataset(Shown):
         for index, one in enumerate(self.readings.tables):
             mine = self.readings.rows_of(index)
             if len(mine):  # an instrument without rows is left out
-                tables[one.name or "poses"] = self._columns(mine, self.readings.columns_of(index))
+                tables[one.name or "poses"] = {
+                    "pose": self.pose[mine],
+                    **dict(zip(command_names(self.n_actuators), self.q[mine].T, strict=True)),
+                    **self.readings.columns_of(index),
+                    **{name: column[mine] for name, column in self.covariates.items()},
+                }
                 if one.name:  # [instrument] describes a single tracker
                     sections.append(written(one.model_copy(update={"file": None})))
         if self.carts is not None:
@@ -340,15 +344,6 @@ class Dataset(Shown):
             before = [(one.column, one.site, one.motion) for one in self.drivers[:number]]
             if (driver.column, driver.site, driver.motion) in before:
                 raise DatasetError("the driver comes twice", file=file, column=f"driver.{number}", hint="keep one")
-
-    def _columns(self, rows: NDArray[np.intp], measured: Mapping[str, Column]) -> dict[str, Column]:
-        """The columns of a table of some rows: ids, commands, what was measured, and covariates."""
-        return {
-            "pose": self.pose[rows],
-            **dict(zip(command_names(self.n_actuators), self.q[rows].T, strict=True)),
-            **measured,
-            **{name: column[rows] for name, column in self.covariates.items()},
-        }
 
     def _description(self, robot: str) -> Description:
         same = {name: getattr(self, name) for name in ("instrument", *DESCRIBED)}
