@@ -1,4 +1,4 @@
-"""Which rows a calibration can use; an error where they can't be the robot's, by what a quick fit leaves.
+"""What a calibration starts from: rows that it can use; an error where they can't be the robot's, by what a quick fit leaves.
 
 This includes positions that are in another unit than metres in a part of the rows.
 """
