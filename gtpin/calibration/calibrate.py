@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from gtpin.calibration.checks.after_fit import settled_fit
+from gtpin.calibration.checks.after_fit import settled_poses, settled_readings
 from gtpin.calibration.checks.before_fit import fittable
 from gtpin.calibration.checks.suspected import recalled
 from gtpin.calibration.fit_state import FitState, unexplained_by
@@ -47,9 +47,6 @@ FIXED = 80e6
 PER_POSE = 1900.0
 """Bytes of memory that it needs for each pose, in addition to the dataset. Measured: 1,870 of a Gantry-Tau, whose
 configurations have 22 numbers (docs/speed.md)."""
-LEAST_FREEDOM = 1.0
-"""Fewest degrees of freedom (measured numbers less the effective number of parameters) of a fit: with less, nothing could be
-said of its noise or its error."""
 ANNOUNCED_POSES = 100_000
 """Number of poses from which on the expected memory and time are stated first."""
 TRIED, PASSES = 1_000, (2.0, 12.0)
@@ -181,7 +178,11 @@ def calibrate(
         if both := [name for name in fixed if name in freed]:
             raise ModelError(f"{both[0]} is to be held and freed", hint="name it in fix or in free")
         geometry = geometry.freed(freed).holding(fixed)
-        limits = _checked_bounds(bounds or {}, (*geometry.names, *fixed))
+        limits = dict(bounds or {})
+        check_names(limits, (*geometry.names, *fixed))
+        for name, ends in limits.items():
+            if np.shape(ends) != (2,) or not ends[0] < ends[1]:
+                raise ModelError(f"bounds of {name} are {ends!r}", hint="give the smallest and the largest value")
         if poses is not None:
             data = thinned(data, geometry, poses)
 
@@ -239,15 +240,6 @@ def _warn_of_unused(dataset: Dataset, nominal: Callable[..., Geometry]) -> None:
         )
 
 
-def _checked_bounds(bounds: Mapping[str, tuple[float, float]], names: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Bounds by name; raises `ModelError` where no parameter has a name, or the first number is not below the second."""
-    check_names(bounds, names)
-    for name, ends in bounds.items():
-        if np.shape(ends) != (2,) or not ends[0] < ends[1]:
-            raise ModelError(f"bounds of {name} are {ends!r}", hint="give the smallest and the largest value")
-    return {name: (float(low), float(high)) for name, (low, high) in bounds.items()}
-
-
 def _beyond(found: Calibration, bounds: Mapping[str, tuple[float, float]]) -> tuple[str, float] | None:
     """The parameter that is farthest outside its bounds, in sigmas, and the end that it exceeds; None: all are inside."""
     inside = {name: float(np.clip(found[name].value, *ends)) for name, ends in bounds.items() if name in found.names}
@@ -277,15 +269,12 @@ def _calibrated(
     found = np.array([p.is_free or (target and p.kind == "platform") for p in parameters], dtype=bool)
     free = found if found.any() else None
     fit = RobustFit(problem, kept.row, kept.visits, near, progress, lacking, free, widen=widen)
-    settled = settled_fit(data, kept, fit, tracked=tracked, doubt=doubt)
-    if settled.dof < LEAST_FREEDOM:
+    settled = settled_poses(kept, fit, doubt=doubt) if tracked else settled_readings(data, kept, fit, doubt=doubt)
+    if settled.dof < 1.0:  # nothing could be said of its noise or its error
         numbers = len(kept) * problem.measured.components
-        raise DatasetError(
-            f"{numbers:g} measured numbers leave {max(settled.dof, 0.0):.2g} degrees of freedom",
-            file=data.file,
-            hint="measure more: a fit needs more numbers than it takes to fit them (of touches of one plane, about 25; a mesh "
-            "of 7 x 7 is good)",
-        )
+        what = f"{numbers:g} measured numbers leave {max(settled.dof, 0.0):.2g} degrees of freedom"
+        hint = "measure more: a fit needs more numbers than it takes to fit them (of touches of one plane, about 25; a mesh of "
+        raise DatasetError(what, file=data.file, hint=f"{hint}7 x 7 is good)")
     return _result(settled, near, whole, usable, tracked=tracked)
 
 
@@ -374,12 +363,9 @@ def _variances(fit: Fit[Problem], noise: ReadingNoise) -> Floats:
     """(N, c) variance of the noise of each number of a fit's rows, m^2 and rad^2; ``noise``: that of these rows."""
     if noise.repeatability == 0.0 and noise.sight is None:
         return noise.each**2
-    model, measured, found = fit.point.model, fit.problem.readings(fit.point.x), []
-    for rows in fit.problem.chunks():
-        poses, some = fit.point.poses[rows], measured.take(rows)
-        J = some.change_by(model.kinematics.command_jacobian(some.q, poses), model, poses)
-        found.append(np.diagonal(noise.take(rows).covariance(J, measured.components), axis1=1, axis2=2))
-    return np.concatenate(found)
+    problem, c = fit.problem, fit.residual.shape[1]
+    each = (noise.take(rows).covariance(problem.by_command(fit.point, rows), c) for rows in problem.chunks())
+    return np.diagonal(np.concatenate([*each]), axis1=1, axis2=2)
 
 
 def _at_most(variance: Floats, residual: Floats, group: Indices, free: float) -> Floats:

@@ -26,8 +26,6 @@ from gtpin.typing import Floats, Indices, Mask
 
 LACK_OF_FIT = 1e-3
 """p-value of chi-square below which the model counts as incomplete. Assumed."""
-CORE = 1.2
-"""Ratio of the scale of the fitted t distribution to the noise, above which heavy tails count as a lack of fit too. Assumed."""
 
 
 def places_of(measured: Readings) -> Indices:
@@ -41,6 +39,11 @@ def places_of(measured: Readings) -> Indices:
     parts = (counted > 0.0) & (counted < 1.0)
     places[parts] = places.max() + 1 + np.arange(np.count_nonzero(parts))
     return places
+
+
+def _chance(power: float, free: float, dof: float) -> float:
+    """p-value of a sum of squares in units of the noise, with ``free`` degrees of freedom, and ``dof`` of the noise."""
+    return float(chi2.sf(power, free) if np.isinf(dof) else f.sf(power / free, free, dof))
 
 
 def mean_power(whitened: Floats, places: Indices, weight: Floats) -> float:
@@ -76,8 +79,7 @@ def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bo
     explained = False
     if known:
         power = mean_power(fit.residual[counted], places, np.ones(len(places)))
-        chance = chi2.sf(power, free) if np.isinf(dof) else f.sf(power / free, free, dof)
-        explained = bool(chance >= LACK_OF_FIT)
+        explained = _chance(power, free, dof) >= LACK_OF_FIT
 
     def size(some: Mask) -> tuple[float, float, float]:
         """Unexplained error of a kind of numbers, and the ends of its 95 % interval."""
@@ -149,10 +151,10 @@ class FitState:
 
     @property
     def scale(self) -> float:
-        """Ratio of the residuals of single visits to noise: the scale of heavy tails, else the root of chi-square; at least
-        ``noise_scale``."""
+        """Ratio of the residuals of single visits to noise: the scale of heavy tails, where it is above 1.2, else the root of
+        chi-square; at least ``noise_scale``."""
         if self.heavy:
-            return max([self.noise_scale, *(tails.scale for tails in self.heavy if tails.scale > CORE)])
+            return max([self.noise_scale, *(tails.scale for tails in self.heavy if tails.scale > 1.2)])
         return max(self.noise_scale, float(np.sqrt(self.chi2 / max(self.dof, 1.0))))
 
     @property
@@ -176,10 +178,10 @@ class FitState:
         """Ratio of the poses' mean residuals to the noise of such means where these show a lack of fit, or ``noise_scale``."""
         if self.heavy:
             return self.scale * self._repeating
-        known, (means, _, count) = np.isinf(self.noise.dof), self._between
+        means, _, count = self._between
         power, free = means * self.noise_scale**2, max(count - self.fit.effective_parameters, 1.0)
-        chance = chi2.sf(power, free) if known else f.sf(power / free, free, self.noise.dof)
-        return self.noise_scale if chance >= LACK_OF_FIT else max(self.noise_scale, float(np.sqrt(power / free)))
+        lacks = _chance(power, free, self.noise.dof) < LACK_OF_FIT
+        return max(self.noise_scale, float(np.sqrt(power / free))) if lacks else self.noise_scale
 
     @property
     def _repeating(self) -> float:

@@ -16,11 +16,6 @@ from gtpin.kinematics.rotations import exp, from_quaternions, to_quaternions
 from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
-PASSES = 6
-"""Largest number of passes. The motions by the effects change with the geometry in second order only: three are usual."""
-MOTION_CHANGE = 1e-7
-"""Change of the motions by the effects, m and rad, below which they have converged: far below any instrument's noise."""
-
 
 def with_kept_effects(
     dataset: Dataset, effects: Sequence[ActiveEffect], robot: Chain, calibrated: Callable[[Dataset], Calibration]
@@ -90,11 +85,11 @@ def _with_kept(
     """The calibration of the poses less the motions by these effects, repeated until the motions no longer change."""
     with unheard():  # of a fit that does not take the effects into account yet
         found, before = calibrated(dataset), np.zeros((len(dataset), 6))
-    for _ in range(PASSES):
+    for _ in range(6):  # the motions change with the geometry in second order only: three are usual
         model = replace(found.model, effects=tuple(kept))
         motions = model.predict(dataset.q, dataset.covariates).minus(found.model.predict(dataset.q))
         motions[~np.isfinite(motions).all(axis=1)] = 0.0  # poses out of reach: the calibration leaves them out
-        if np.abs(motions - before).max(initial=0.0) < MOTION_CHANGE:
+        if np.abs(motions - before).max(initial=0.0) < 1e-7:  # m and rad
             return replace(found, model=model)
         orientation = dataset.orientation
         if orientation is not None:

@@ -18,8 +18,6 @@ with noise of 20 um, a prior of 1 m gives less than 1e-9, and a tolerance of 0.5
 
 MOST_LEFT_OUT = 2000
 """Largest number of poses that are left out: the root mean square of three components has a relative standard error of 1 %."""
-TOGETHER = 500
-"""Number of rows whose derivatives are in memory at the same time."""
 
 
 def left_out(fit: Fit[Any], poses: Indices) -> tuple[Floats, npt.NDArray[np.bool_]]:
@@ -43,7 +41,7 @@ def left_out(fit: Fit[Any], poses: Indices) -> tuple[Floats, npt.NDArray[np.bool
     weight = np.sqrt(np.maximum(fit.weight, 1e-12))[:, None]
     errors, start = np.zeros_like(fit.residual), 0
     while start < len(order):  # as many poses at a time as fit in memory
-        stop = int(ends[min(int(np.searchsorted(ends, start + TOGETHER)), len(ends) - 1)])
+        stop = int(ends[min(int(np.searchsorted(ends, start + 500)), len(ends) - 1)])
         rows = order[start:stop]
         jacobian: Floats = fit.problem.jacobian(fit.point, rows, fit.weight[rows])
         half = jacobian @ fit.root

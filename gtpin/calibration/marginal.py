@@ -19,10 +19,6 @@ from gtpin.calibration.problem import Problem
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
 from gtpin.typing import Floats, Mask
 
-STEPS = 200
-"""Most fixed-point steps."""
-MARGINAL_CHANGE = 1e-4
-"""Relative change of sigmas and factor below which they have converged."""
 WIDEST = 100.0
 """Largest factor on the tolerances. Assumed: a robot that is farther from nominal is another robot."""
 
@@ -99,7 +95,7 @@ class MarginalLikelihood:
         given, factor = np.append(self.noise.sigma, 1.0), 1.0
         is_open = np.append(self.noise.estimated, False) & (self.counts > 0.0)
         sigma = np.where(is_open, np.maximum(np.append(sigma, 1.0), SMALLEST), given)
-        for _ in range(STEPS):
+        for _ in range(200):
             prior, A, b = self._normal(sigma, factor)
             covariance = cho_solve((_factor(A), True), np.eye(len(A)))
             step = covariance @ b
@@ -115,7 +111,7 @@ class MarginalLikelihood:
                 wider = float(np.clip(np.sqrt(power / max(float(sure), 1e-6)), 1.0, WIDEST))
             changed = max(np.abs(now / sigma - 1.0).max(initial=0.0), abs(wider / factor - 1.0))
             sigma, factor = now, wider
-            if changed < MARGINAL_CHANGE:
+            if changed < 1e-4:
                 break
         prior, A, b = self._normal(sigma, factor)
         lower = _factor(A)

@@ -19,15 +19,8 @@ from gtpin.noise.estimate import ENOUGH, LEAST_CONTRASTS, contradicted, contrast
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise, range_ratio
 from gtpin.typing import Floats, Indices, Mask
 
-NEIGHBOURS_OF = 1000
-"""Number of poses among which neighbours are searched; more are slower, and hardly more accurate."""
-UNCORRELATED = 0.025
-"""Probability of calling independent scatter correlated; equal to that of accepting a repeatability that does not exist.
-Assumed."""
 ALIKE = 1e-3
 """Relative change of an estimated sigma below which it has converged."""
-NEAREST = 0.1
-"""Smallest distance, m, of an instrument from the poses that it measures. Assumed."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +45,7 @@ class NoiseEstimator:
             initial_sigma[one] = np.sqrt((measured.row_sigma[own] ** 2 * measured.counted[own]).mean())
         noise = ReadingNoise(initial_sigma, group, measured.row_sigma, ~known).at_least(SMALLEST)
         station = measured.station
-        if station is not None and np.linalg.norm(measured.poses[0] - station, axis=1).min() < NEAREST:
+        if station is not None and np.linalg.norm(measured.poses[0] - station, axis=1).min() < 0.1:
             raise DatasetError(
                 "the instrument's station lies among the measured poses", hint="correct station in dataset.toml"
             )
@@ -61,9 +54,7 @@ class NoiseEstimator:
     @cached_property
     def by_command(self) -> Floats:
         """(N, c, n) derivative of the measured numbers by the commands, of the start."""
-        model, measured = self.whole.start, self.whole.measured
-        J = model.kinematics.command_jacobian(measured.q, self.near)
-        return measured.change_by(J, model, self.near)
+        return self.whole.by_command(Point(self.whole.first, self.whole.start, self.near), slice(None))
 
     @cached_property
     def stops(self) -> Indices:
@@ -166,13 +157,13 @@ class NoiseEstimator:
         ``point``: result of a fit. ``noise``: that of all rows, including the repeatability to be tested.
         """
         rows = np.flatnonzero(used)
-        some = rows[:: 1 + (len(rows) - 1) // NEIGHBOURS_OF]
+        some = rows[:: 1 + (len(rows) - 1) // 1000]  # more are slower, and hardly more accurate
         J = self.by_command[some]
         problem = self.whole.take(some, noise.take(some).whitening(J, J.shape[1]))
         x = point.x.copy()
         x[: problem.n_geometry] = 0.0  # unknowns of the instruments from the fit; geometry from nominal
         z = _scores(problem, problem.point(x), J)
-        return max(z) < float(norm.isf(UNCORRELATED / len(z)))
+        return max(z) < float(norm.isf(0.025 / len(z)))  # as probable as to accept a repeatability that does not exist
 
     def volume(self, noise: ReadingNoise) -> float:
         """The mean log determinant of a noise's covariance."""

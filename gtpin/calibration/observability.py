@@ -19,8 +19,6 @@ from gtpin.typing import Floats
 
 UNSEEN = 0.5
 """A direction counts as unobservable if its variance reduction is below this value. Assumed."""
-LISTED_WEIGHT = 0.1
-"""Smallest weight of a parameter that is listed in a direction. Assumed."""
 POSES = 12
 """Number of poses, evenly distributed over those of the data, at which each measurement is tried."""
 RANGE, TOUCH, TILT, TRACKED = 2e-5, 1e-5, 5e-5, (2e-5, 5e-5)
@@ -67,7 +65,7 @@ class Observability:
             vector = self.directions[:, k]
             vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
             order = np.argsort(-np.abs(vector))
-            weights = {names[i]: float(vector[i]) for i in order if abs(vector[i]) >= LISTED_WEIGHT}
+            weights = {names[i]: float(vector[i]) for i in order if abs(vector[i]) >= 0.1}
             found.append(Direction(weights, float(self.variance_reduction[k])))
         return tuple(found)
 

@@ -245,10 +245,8 @@ class Calibration(FitResult):
             return 0.0
         problem, point = self.fit.problem, self.fit.point
         some = np.arange(len(point.poses))[:: 1 + len(point.poses) // ENOUGH]
-        poses, measured = point.poses[some], problem.measured.take(some)
-        J = measured.change_by(point.model.kinematics.command_jacobian(measured.q, poses), point.model, poses)
-        moved = np.sqrt((J**2).sum(axis=2))[:, : min(3, J.shape[1])]
-        sigma = noise_at(self.noise, measured).each[:, : moved.shape[1]]
+        moved = np.sqrt((problem.by_command(point, some) ** 2).sum(axis=2))[:, :3]
+        sigma = noise_at(self.noise, problem.measured.take(some)).each[:, : moved.shape[1]]
         return float(np.median(self.noise.repeatability * moved / sigma))
 
     def shows_noise(self, one: InstrumentFit) -> bool:

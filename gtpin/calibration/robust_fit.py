@@ -32,37 +32,19 @@ FREE_ITERATIONS = 8
 """Iterations after which no more rows are rejected, and tails and noise only grow, so that the iteration can't oscillate."""
 ROUGH = 5e-6
 """Smallest sigma of the rough fit, m and rad: with less, the cost is a narrow curved valley far from its minimum."""
-ROUGHLY = 1e-4
-"""Relative decrease of the cost at which the rough fit is good enough: its weights may oscillate below that."""
-ROUGH_STEPS = 15
-"""Steps after which the rough fit is good enough to detect gross errors: reweighting can converge slowly."""
 PART = 20_000
 """Size of a random subset of rows that is fitted first if there are twice as many: its standard errors are less than a
 hundredth of a tolerance, so that one step on all rows is enough afterwards. Measured: docs/speed.md.
 """
-FAILED_RATIO = 100.0
-"""Ratio of residuals to noise above which a rough fit has failed: 1.5 mm for a tracker. Assumed."""
 COARSE = (1e-2, 1e-3)
 """Sigmas, m and rad, of the coarse fits that are made before a second rough fit: first those of the largest tolerances, then
 those of usual ones."""
-ENTRIES = 6
-"""Most fits by which the larger of the two maxima of the marginal likelihood is found: each is linear about the last."""
-MAXIMUM_CHANGE = 0.1
-"""Relative change of noise and tolerances from one of these fits to the next, below which the maximum is found."""
-DEMANDED = 7.0
-"""Gain in log marginal likelihood, nats, from which tolerances are wider than given: as `CONFLICT` in `checks/limits.py`."""
-FAR_FROM_NOMINAL = 4.0
-"""Deviation of a parameter in units of its given tolerance, which at least one has where tolerances are wider. Assumed: with
-less, the given tolerances lead to the same fit, and effects that the geometry lacks look the same."""
 LACKING_FREEDOM = 7.0
 """Degrees of freedom of the t distribution by which gross errors are judged if the model is incomplete by design: the tails of
 its residuals are unknown, and longest at the workspace's edge. Assumed; of 50 poses, one whose residual is 14 times
 (positions alone) or 18 times the core's sigma is a gross error then. ``examples/dressler2010/seeds.py`` counts the good poses
 that are rejected nevertheless.
 """
-WIDE = 1.5
-"""Size of residuals, in units of the noise, from which a fit that does not converge is repeated with noise of that size.
-Assumed."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +134,7 @@ class RobustFit:
                 outcome = self._fit(used, noise, _by_tails(tails, noise_scale), x, what, near, noise_scale)
             except ConvergenceError as error:
                 noise_scale = self._scale(noise.whitened(self.estimator.derivative(noise), residual)[used], used)
-                if noise_scale >= WIDE:
+                if noise_scale >= 1.5:
                     weigh = _by_tails(tails, noise_scale)
                     outcome = self._fit(used, noise, weigh, outcome.point.x, what, here, noise_scale)
                 elif isinstance(
@@ -176,7 +158,7 @@ class RobustFit:
         nominal = None
         outcome = self.rough(noise)
         steps = outcome.iterations
-        if self._scale(outcome.residual, used) > FAILED_RATIO:
+        if self._scale(outcome.residual, used) > 100.0:  # 1.5 mm for a tracker: it has failed
             for sigma in COARSE:
                 nominal = self._fit(used, noise.at_least(sigma), self._huber, nominal, "coarse fit", self.near).point.x
             outcome = self.rough(noise, nominal)
@@ -184,12 +166,12 @@ class RobustFit:
         at, given = self, self.whole.start.geometry
         if not noise.estimated.any():
             return self, FitState(outcome, used, noise, tails, steps, given), nominal
-        for _ in range(ENTRIES):
+        for _ in range(6):  # each is linear about the last
             best = at._larger_maximum(outcome, noise, given)
             factor = best.factor / at._factor(given)
             change = max(np.abs(best.noise.sigma / noise.sigma - 1.0).max(initial=0.0), abs(factor - 1.0))
             noise = replace(noise, sigma=best.noise.sigma)
-            if change < MAXIMUM_CHANGE:
+            if change < 0.1:
                 break
             x = outcome.point.x.copy()
             own = at._widenable
@@ -223,10 +205,10 @@ class RobustFit:
         if self.lacking or not self.widen or not own.any():
             return narrow
         wide = max((marginal.best(s, widen=True) for s in starts), key=lambda found: found.log_likelihood)
-        far = np.abs(marginal.x[own]).max() > FAR_FROM_NOMINAL
-        if far and wide.log_likelihood - narrow.log_likelihood > DEMANDED:
-            return wide
-        return narrow
+        # Where no parameter is 4 given tolerances off, the given ones lead to the same fit, and effects that the geometry lacks
+        # look the same. From 7 nats on an assumption is wrong, as in `checks/limits.py`.
+        far = np.abs(marginal.x[own]).max() > 4.0
+        return wide if far and wide.log_likelihood - narrow.log_likelihood > 7.0 else narrow
 
     @property
     def _widenable(self) -> Mask:
@@ -283,7 +265,8 @@ class RobustFit:
             near, own, J = near[used], own.take(used), J[used]
         problem = self.whole.take(used, own.whitening(J, self.whole.measured.components))
         x = problem.first if x is None else x
-        solve = partial(fit, decrease=ROUGHLY, enough=ROUGH_STEPS) if rough else fit
+        # The weights of a rough fit may oscillate below a relative decrease of 1e-4, and reweighting can converge slowly.
+        solve = partial(fit, decrease=1e-4, enough=15) if rough else fit
         return solve(problem, lambda r: self._weights(weigh, r, used), x, report, near=near)
 
     def _residual(self, outcome: Fit[Problem], fitted: Mask) -> tuple[Floats, Poses]:

@@ -15,8 +15,6 @@ from gtpin.typing import Floats, Indices, Mask
 PER_CHOSEN, CANDIDATES = 4, (5_000, 40_000)
 """Number of poses drawn at random for each that is chosen, and the fewest and most of them. It does not grow with the dataset,
 so that the choice takes a time that is linear in the rows."""
-ROUNDS = 64
-"""Number of rounds of the choice: the information of what is chosen is computed anew in each."""
 VISITS = 10
 """Most rows of a pose."""
 
@@ -40,7 +38,10 @@ def thinned(dataset: Dataset, geometry: Geometry, poses: int) -> Dataset:
     if poses >= count:
         return dataset
     drawn = np.random.default_rng(0).permutation(count)[: max(poses, int(np.clip(PER_CHOSEN * poses, *CANDIDATES)))]
-    rows = _first_visits(dataset)
+    by_pose = np.argsort(dataset.visits, kind="stable")
+    ordered = dataset.visits[by_pose]
+    earlier = np.arange(len(dataset)) - np.searchsorted(ordered, ordered)
+    rows = np.sort(by_pose[earlier < VISITS])
     some = dataset.take(rows[np.isin(dataset.visits[rows], drawn)])
     chosen = np.zeros(count, dtype=bool)
     chosen[drawn[: poses - poses // 2]] = True
@@ -52,14 +53,6 @@ def thinned(dataset: Dataset, geometry: Geometry, poses: int) -> Dataset:
         "determine the geometry best"
     )
     return replace(found, rows_of=dataset.rows_of or len(dataset))
-
-
-def _first_visits(dataset: Dataset) -> Indices:
-    """Ascending indices of the rows that are among the first ``VISITS`` of their poses."""
-    order = np.argsort(dataset.visits, kind="stable")
-    ordered = dataset.visits[order]
-    begins = np.searchsorted(ordered, ordered)
-    return np.sort(order[np.arange(len(order)) - begins < VISITS])
 
 
 def _most_telling(some: Dataset, geometry: Geometry, chosen: Mask, poses: int) -> Indices:
@@ -76,7 +69,7 @@ def _most_telling(some: Dataset, geometry: Geometry, chosen: Mask, poses: int) -
         information = information + flat.T @ flat
         gain = np.bincount(pose, gains(B, information), minlength=len(chosen))
         gain[taken] = 0.0
-        best = np.argsort(-gain, kind="stable")[: min(poses - int(taken.sum()), -(-poses // ROUNDS))]
+        best = np.argsort(-gain, kind="stable")[: min(poses - int(taken.sum()), -(-poses // 64))]
         best = best[gain[best] > 0.0]
         if not len(best):
             return np.flatnonzero(taken & ~chosen)

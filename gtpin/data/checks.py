@@ -130,13 +130,9 @@ class CheckedRows:
             apart = np.abs(q - q[first[visit]])
         index, column = np.unravel_index(np.argmax(apart > _SAME_COMMAND), apart.shape)
         if apart[index, column] > _SAME_COMMAND:
-            earlier = first[visit[index]]
-            raise self.error(
-                int(index),
-                f"q{column + 1}",
-                f"pose {pose[index]} has other commands here than in row {self.line[earlier]}",
-                "rows that share a pose id are visits to the same commands; give each pose an id of its own",
-            )
+            what = f"pose {pose[index]} has other commands here than in row {self.line[first[visit[index]]]}"
+            hint = "rows that share a pose id are visits to the same commands; give each pose an id of its own"
+            raise self.error(int(index), f"q{column + 1}", what, hint)
 
     def _each(self, good: NDArray[np.bool_], name: str, values: Column, hint: str) -> None:
         if not good.all():

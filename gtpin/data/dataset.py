@@ -41,6 +41,10 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 
+DESCRIBED = ("tcp", "actuators", "home", "conditions", "tolerance")
+"""Keys of dataset.toml that a dataset has as they are."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Dataset(Shown):
     """N measured TCP poses of a robot with n actuators.
@@ -143,13 +147,7 @@ class Dataset(Shown):
             "position": rows.floats(self.position, list(POSITION)),
             "orientation": None if self.orientation is None else rows.quaternions(self.orientation),
             "covariates": rows.covariates(self.covariates, q.shape[1], TAKEN_IN_POSES),
-            "robot": description.robot,
-            "tcp": description.tcp,
-            "actuators": description.actuators,
-            "home": description.home,
-            "instrument": description.instrument,
-            "conditions": description.conditions,
-            "drivers": description.drivers,
+            **{name: getattr(description, name) for name in ("robot", "instrument", "drivers", *DESCRIBED)},
             "tolerance": dict(description.tolerance),
             "row": rows.line,
         }
@@ -165,8 +163,7 @@ class Dataset(Shown):
             object.__setattr__(self, "instrument", InstrumentSection())
             object.__setattr__(self, "position", np.zeros_like(self.position))
             object.__setattr__(self, "orientation", None)
-        readings = self.readings.at_stations(self.covariates.get("session"))
-        object.__setattr__(self, "readings", readings)
+        object.__setattr__(self, "readings", self.readings.at_stations(self.covariates.get("session")))
 
     def __len__(self) -> int:
         return len(self.pose)
@@ -286,18 +283,8 @@ class Dataset(Shown):
             rows |= {"orientation": table.orientation(), "covariates": table.covariates(taken)}
             rows |= {"instrument": common.instrument, "row": table.row, "file": file}
         carts = find_table(path, "carts")
-        dataset = cls(
-            robot=common.robot,
-            conditions=common.conditions,
-            tolerance=common.tolerance,
-            tcp=common.tcp,
-            actuators=common.actuators,
-            home=common.home,
-            drivers=common.drivers,
-            carts=CartMeasurements.read(carts, rows["q"].shape[1]) if carts else None,
-            path=path,
-            **rows,
-        )
+        rows |= {name: getattr(common, name) for name in ("robot", "drivers", *DESCRIBED)}
+        dataset = cls(carts=CartMeasurements.read(carts, rows["q"].shape[1]) if carts else None, path=path, **rows)
         if table is not None:
             table.warn_of_covariates(taken)
         dataset._check_drivers()
@@ -321,7 +308,12 @@ class Dataset(Shown):
         for index, one in enumerate(self.readings.tables):
             mine = self.readings.rows_of(index)
             if len(mine):  # an instrument without rows is left out
-                tables[one.name or "poses"] = self._columns(mine, self.readings.columns_of(index))
+                tables[one.name or "poses"] = {
+                    "pose": self.pose[mine],
+                    **dict(zip(command_names(self.n_actuators), self.q[mine].T, strict=True)),
+                    **self.readings.columns_of(index),
+                    **{name: column[mine] for name, column in self.covariates.items()},
+                }
                 if one.name:  # [instrument] describes a single tracker
                     sections.append(written(one.model_copy(update={"file": None})))
         if self.carts is not None:
@@ -353,28 +345,11 @@ class Dataset(Shown):
             if (driver.column, driver.site, driver.motion) in before:
                 raise DatasetError("the driver comes twice", file=file, column=f"driver.{number}", hint="keep one")
 
-    def _columns(self, rows: NDArray[np.intp], measured: Mapping[str, Column]) -> dict[str, Column]:
-        """The columns of a table of some rows: ids, commands, what was measured, and covariates."""
-        return {
-            "pose": self.pose[rows],
-            **dict(zip(command_names(self.n_actuators), self.q[rows].T, strict=True)),
-            **measured,
-            **{name: column[rows] for name, column in self.covariates.items()},
-        }
-
     def _description(self, robot: str) -> Description:
+        same = {name: getattr(self, name) for name in ("instrument", *DESCRIBED)}
+        drivers = [asdict(driver) for driver in self.drivers]
         return describe(
-            {
-                "schema": SCHEMA,
-                "robot": robot,
-                "tcp": self.tcp,
-                "actuators": self.actuators,
-                "home": self.home,
-                "driver": [asdict(driver) for driver in self.drivers],
-                "instrument": self.instrument,
-                "conditions": self.conditions,
-                "tolerance": dict(self.tolerance),
-            }
+            {"schema": SCHEMA, "robot": robot, "driver": drivers, **same, "tolerance": dict(self.tolerance)}
         )
 
     def _robot_seen_from(self, folder: Path) -> str:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +20,9 @@ POSITION_STEPS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5, 1e-5)
 COMMAND_STEPS = (0.1, 0.05, *POSITION_STEPS)
 """Steps that commands are rounded to, m or rad, the coarsest first."""
 DEGREE_STEPS = (1.0, 0.5, 0.1, 0.05, 0.01, 0.005, 0.001)
-"""Steps that commands of joints that turn are rounded to, degrees, the coarsest first. Assumed: as controllers show them."""
-STEP_ROWS = 10
-"""Fewest rows from which it is not due to chance that all are multiples of a step. Assumed."""
+"""The same for joints that turn, degrees: as controllers show them. Assumed."""
 EXACT = 1e-6
 """Share of a step by which a number may differ from a multiple of it: binary numbers don't represent decimals exactly."""
-GROSS_COORDINATE = 1e3
-"""Coordinate, m, beyond which a position is a gross error, whose digits are not used. Assumed."""
-MATTERS = 1.05
-"""Factor by which rounding must increase the noise to be taken into account. Assumed."""
 
 
 def with_rounding(dataset: Dataset) -> Dataset:
@@ -42,7 +37,7 @@ def with_rounding(dataset: Dataset) -> Dataset:
     if step is None or declared is None:
         return dataset
     sigma = float(np.hypot(declared, step / np.sqrt(12.0)))
-    if sigma < MATTERS * declared:
+    if sigma < 1.05 * declared:
         return dataset
     text = (
         f"positions are rounded to {1e3 * step:g} mm: with it their noise is {sigma:.2g} m, more than the {declared:.2g} m "
@@ -54,8 +49,8 @@ def with_rounding(dataset: Dataset) -> Dataset:
 
 def coarsest_step(values: Floats, steps: Sequence[float]) -> float | None:
     """The first of some steps that all values (N, k) are multiples of; None where there is none, or there are few rows."""
-    near = values[(np.abs(values) < GROSS_COORDINATE).all(axis=1)]
-    if len(near) < STEP_ROWS:
+    near = values[(np.abs(values) < 1e3).all(axis=1)]  # without gross errors
+    if len(near) < 10:
         return None
     for step in steps:
         counts = near / step
@@ -64,8 +59,7 @@ def coarsest_step(values: Floats, steps: Sequence[float]) -> float | None:
     return None
 
 
-@dataclass(frozen=True)
-class CommandSteps:
+class CommandSteps(NamedTuple):
     """Steps that commands are multiples of: ``size`` (n,), m or rad, infinite for a command that is constant; ``words``."""
 
     size: Floats
@@ -91,17 +85,10 @@ def command_steps(q: Floats, revolute: Mask) -> CommandSteps | None:
     return None
 
 
-COPY_CHANCE = 1e-5
-"""Probability of as many equal rows below which they are copies. Assumed."""
-LEAST_SCATTER = 1e-6
-"""Scatter of a reading between visits, m or rad, where no visits differ that could show it. Assumed: few machines repeat to
-less."""
 STEPS = tuple(m * 10.0**-k for k in range(2, 10) for m in (1.0, 0.5))
 """Steps that readings are rounded to, m or rad, the coarsest first."""
 FINEST = 1e-12
 """Step of readings with all digits of a binary number, m or rad."""
-FEWEST_DIFFERENCES, MOST_DIFFERENCES = 5, 1000
-"""Fewest differences between visits that show a step of their own, such as that of inches; and most that are used. Assumed."""
 
 
 def counted_once(dataset: Dataset) -> Dataset:
@@ -174,7 +161,7 @@ def _copies(same: list[NDArray[np.generic]], read: list[Floats]) -> NDArray[np.b
     visits = np.bincount(place[~copied])
     pairs = float((visits * (visits - 1)).sum()) / 2.0
     equal = int(repeated.sum())
-    if equal and betainc(equal, pairs - equal + 1.0, _chance(place, row, read)) < COPY_CHANCE:
+    if equal and betainc(equal, pairs - equal + 1.0, _chance(place, row, read)) < 1e-5:
         copied |= repeated
     return copied
 
@@ -186,7 +173,7 @@ def _chance(place: Indices, row: Indices, read: list[Floats]) -> float:
     """
     order = np.argsort(place, kind="stable")
     visits = np.flatnonzero((np.diff(place[order]) == 0) & (np.diff(row[order]) != 0))
-    visits = visits[:: 1 + len(visits) // MOST_DIFFERENCES]
+    visits = visits[:: 1 + len(visits) // 1000]
     chances = [1.0]
     for column in read:
         moved = np.abs(column[order][visits + 1] - column[order][visits])
@@ -195,13 +182,13 @@ def _chance(place: Indices, row: Indices, read: list[Floats]) -> float:
         if len(moved):
             chances.append(_equal(moved / step))
         elif not len(visits) and (column != column[0]).any():
-            chances.append(min(1.0, step / LEAST_SCATTER))
+            chances.append(min(1.0, step / 1e-6))  # few machines repeat to less, m or rad
     return min(chances)
 
 
 def _step(column: Floats, moved: Floats) -> float:
     """The step to which a column is rounded, given differences between visits: one that these show, or a decimal one."""
-    if len(moved) >= FEWEST_DIFFERENCES:
+    if len(moved) >= 5:  # a step of their own, such as that of inches
         for part in (1.0, 2.0, 3.0):
             steps = moved * (part / moved.min())
             if (np.abs(steps - np.round(steps)) < 1e-3).all():

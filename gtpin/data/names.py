@@ -99,11 +99,8 @@ def check_covariate_name(name: str, n_actuators: int, taken: re.Pattern[str]) ->
         raise DatasetError("the name is taken by a column that is no covariate", column=name, hint="rename it")
     numbered = re.fullmatch(r"(approach|speed)([0-9]+)", name)
     if numbered and numbered[2] not in {str(i) for i in range(1, n_actuators + 1)}:
-        raise DatasetError(
-            f"there is no actuator {numbered[2]}",
-            column=name,
-            hint=f"{numbered[1]} columns are numbered 1 to {n_actuators}, like q1 .. q{n_actuators}",
-        )
+        hint = f"{numbered[1]} columns are numbered 1 to {n_actuators}, like q1 .. q{n_actuators}"
+        raise DatasetError(f"there is no actuator {numbered[2]}", column=name, hint=hint)
 
 
 def site_called(name: str, sites: Collection[str]) -> str:

@@ -13,7 +13,7 @@ from gtpin.data.commands import Commands
 from gtpin.data.dataset import Dataset
 from gtpin.data.files import warn_of
 from gtpin.data.names import POSITION
-from gtpin.errors import DatasetError, warn
+from gtpin.errors import DatasetError, listed, warn
 from gtpin.typing import Floats, Mask
 
 Doubt = Callable[[DatasetError, Any], None]
@@ -21,39 +21,9 @@ Doubt = Callable[[DatasetError, Any], None]
 
 _NEARLY_ALL = 0.95
 """Share of a column's values that must fit another unit for the message that they look like it. Assumed."""
-TURNS = 3.0
-"""Turns from zero, in either direction, beyond which commands of a joint without limits look like degrees. Assumed."""
-ONCE = 2.0 * np.pi
-"""Angle, rad, by which a command may be off its range for whole turns to be taken off: one turn. Assumed: controllers count
-from 0 to 360 degrees or to either side; commands in degrees are farther off."""
-NAMED_POSES = 10
-"""Number of poses that a message names."""
-_SEVERAL = 6
-"""Fewest rows out of range for the message that a part of a column is in another unit. Assumed."""
 MOST_IMPOSSIBLE = 0.1
 """Share of the rows that may lack a reading before the column is refused; assumed."""
 _OVERFLOW = (-999.0, -9999.0, -99999.0, 9999.0, 99999.0, 65535.0, 32767.0, -32768.0, 2147483647.0, 4294967295.0)
-FASTEST = 20.0
-"""Speed, m/s or rad/s, above which no actuator of a robot moves. Assumed."""
-ROOM = (-40.0, 90.0)
-"""A temperature column looks like kelvin where its median less 273.15 is in this range, degC. Assumed."""
-WARM, MILD, USUAL = 45.0, (10.0, 40.0), 25.0
-"""A temperature column looks like degrees Fahrenheit where its median is above `WARM`, is in the range `MILD`, degC, when it is
-converted from Fahrenheit, and is more than `USUAL`, K, above the reference temperature. Assumed."""
-SIGMA = (1e-10, 1.0)
-"""Smallest and largest sigma of an instrument, m or rad. Assumed."""
-TOLERANCE = (1e-10, 10.0)
-"""Smallest and largest tolerance, m, rad or m/m. Assumed."""
-STATION = 1e4
-"""Farthest coordinate of an instrument, m, that can measure a robot; assumed."""
-FARTHEST_POSITION = 1e12
-"""Median absolute value of a coordinate, m, above which no wrong unit explains it: 1e12 nm are 1 km. Assumed."""
-TEMPERATURE = (-60.0, 150.0)
-"""Lowest and highest reference temperature of a machine, degC. Assumed."""
-FAHRENHEIT = (59.0, 86.0)
-"""A reference temperature that is 15 to 30 degC when it is read in degrees Fahrenheit."""
-Bound = tuple[str, float, tuple[float, float], str]
-"""A key, its value, the limits of the value, and a hint."""
 
 
 class Actuated(Protocol):
@@ -99,7 +69,8 @@ def without_whole_turns(rows: Rows, drives: Actuated) -> Rows:
     off = rows.q - middle
     whole = np.where(turns & (np.abs(off) > half), np.round(off / (2.0 * np.pi)), 0.0)
     inside = np.abs(off - 2.0 * np.pi * whole) <= half
-    whole[:, (inside.mean(axis=0) < _NEARLY_ALL) | (np.abs(off) > ONCE + half).any(axis=0)] = 0.0
+    # Controllers count from 0 to 360 degrees or to either side; commands in degrees are farther off than one turn.
+    whole[:, (inside.mean(axis=0) < _NEARLY_ALL) | (np.abs(off) > 2.0 * np.pi + half).any(axis=0)] = 0.0
     whole[~inside] = 0.0
     if not whole.any():
         return rows
@@ -127,8 +98,8 @@ def check_actuators(drives: Actuated, rows: Dataset | Commands) -> None:
 def check_commands(rows: Dataset | Commands, drives: Actuated, suspect: Doubt | None = None) -> None:
     """Check commands against the ranges of a robot's n actuators.
 
-    ``suspect``: what is done where most commands of a joint without limits are more than `TURNS` turns from zero, as degrees
-    are; None: the error is raised.
+    ``suspect``: what is done where most commands of a joint without limits are more than three turns from zero, as
+    degrees are; None: the error is raised.
 
     Raises `DatasetError` for another number of actuators, and for a command that is outside its range by more than the range's
     width, with the unit that it looks like; of a trusted dataset it only warns. Warns of poses that are outside by less.
@@ -145,9 +116,9 @@ def check_commands(rows: Dataset | Commands, drives: Actuated, suspect: Doubt | 
     turn = 2.0 * np.pi
     for j in map(int, np.flatnonzero(drives.revolute & ~np.isfinite(high - low))):
         size = np.abs(q[:, j])
-        many = size > TURNS * turn
+        many = size > 3.0 * turn
         if many.mean() > 0.5 and (np.deg2rad(size) <= turn).mean() >= _NEARLY_ALL:  # nearly all within 360 degrees
-            what = f"most commands of {names[j]} are more than {TURNS:g} turns from zero, and look like degrees"
+            what = f"most commands of {names[j]} are more than 3 turns from zero, and look like degrees"
             hint = "write commands in rad; if the joint did turn so often, take whole turns away"
             file, line = rows.place(int(np.argmax(many)))
             error = DatasetError(what, file=file, row=line, column=f"q{j + 1}", hint=hint)
@@ -170,7 +141,7 @@ def _far_outside(rows: Dataset | Commands, drives: Actuated, far: Mask) -> Datas
     # Where most commands fit without a conversion, the others are separate errors, not a matter of units.
     if scaled.mean() >= _NEARLY_ALL and as_is.mean() < 0.5:
         looks, hint = f", and the column looks like {other}", f"write commands in {right}"
-    elif (own := far[:, j]).sum() >= _SEVERAL and scaled[own].mean() >= _NEARLY_ALL:
+    elif (own := far[:, j]).sum() >= 6 and scaled[own].mean() >= _NEARLY_ALL:
         lines = [rows.place(int(i))[1] for i in np.flatnonzero(own)]
         looks = f", and so are {len(lines)} of {len(q)} rows, the first in line {min(lines)} and the last in line "
         looks += f"{max(lines)} of the file, which look like {other}"
@@ -183,8 +154,7 @@ def _far_outside(rows: Dataset | Commands, drives: Actuated, far: Mask) -> Datas
 def named_poses(rows: Dataset | Commands, mask: Mask) -> str:
     """Text for a message with the names of the first poses of some rows (N,)."""
     poses = list(dict.fromkeys(rows.pose[mask]))
-    more = f" and {len(poses) - NAMED_POSES} more" if len(poses) > NAMED_POSES else ""
-    return f"pose{'s' if len(poses) > 1 else ''} {', '.join(poses[:NAMED_POSES])}{more}"
+    return f"pose{'s'[: len(poses) - 1]} {listed(poses, 10)}"
 
 
 @dataclass(frozen=True)
@@ -212,7 +182,7 @@ class Kind:
 KINDS = (
     # 85 degC is a DS18B20's value at power-up, -127 degC is its library's error; 0 and -273.15 are 0 counts and 0 K.
     Kind(re.compile("temp.*"), "a temperature in degC", -60.0, 150.0, (0.0, 85.0, 127.0, -127.0, *_OVERFLOW), 5.0),
-    Kind(re.compile("speed[0-9]+"), "a speed in m/s or rad/s", -FASTEST, FASTEST, _OVERFLOW, 10.0),
+    Kind(re.compile("speed[0-9]+"), "a speed in m/s or rad/s", -20.0, 20.0, _OVERFLOW, 10.0),
     Kind(re.compile("payload"), "a payload in kg", 0.0, 1e5, (65535.0, 32767.0, 9999.0, 99999.0), 1e3),
     Kind(re.compile("f[xyz]"), "a force in N", -1e6, 1e6, _OVERFLOW, 500.0),
     Kind(re.compile("time"), "a time in s", -1e20, 1e20, (0.0, -1.0, *_OVERFLOW), 60.0, 10.0),
@@ -268,10 +238,10 @@ def _check_units(dataset: Dataset, name: str, values: Floats) -> None:
         return DatasetError(f"{name} looks like {unit}", file=dataset.file, column=name, hint=hint)
 
     if name.startswith("temp"):
-        if ROOM[0] <= middle - 273.15 <= ROOM[1]:
+        if -40.0 <= middle - 273.15 <= 90.0:
             raise looks("kelvin", f"subtract 273.15 from {name}")
         reference = dataset.conditions.reference_temperature
-        if middle > WARM and MILD[0] <= (middle - 32.0) / 1.8 <= MILD[1] and middle > reference + USUAL:
+        if middle > max(45.0, reference + 25.0) and 10.0 <= (middle - 32.0) / 1.8 <= 40.0:
             hint = (
                 f"{name} = ({name} - 32) / 1.8; a machine that is as warm as that has a reference_temperature near it, "
                 "under [conditions]"
@@ -279,7 +249,7 @@ def _check_units(dataset: Dataset, name: str, values: Floats) -> None:
             raise looks("degrees Fahrenheit", hint)
     if re.fullmatch("speed[0-9]+", name):
         moving = np.abs(values[values != 0.0])
-        if len(moving) and FASTEST < float(np.median(moving)) <= 1e3 * FASTEST:
+        if len(moving) and 20.0 < float(np.median(moving)) <= 2e4:
             raise looks("mm/s or degrees/s", "speeds are in m/s or rad/s")
 
 
@@ -292,14 +262,13 @@ def check_extremes(dataset: Dataset) -> None:
     file = dataset.toml
     for key, value, (least, most), hint in _bounded(dataset):
         if not least <= value <= most:
-            raise DatasetError(
-                f"{value:.6g} can't be", file=file, column=key, hint=f"{hint}, from {least:g} to {most:g}"
-            )
-    if FAHRENHEIT[0] <= (reference := dataset.conditions.reference_temperature) <= FAHRENHEIT[1]:
+            hint = f"{hint}, from {least:g} to {most:g}"
+            raise DatasetError(f"{value:.6g} can't be", file=file, column=key, hint=hint)
+    if 59.0 <= (reference := dataset.conditions.reference_temperature) <= 86.0:  # 15 to 30 degC
         text = f"reference_temperature is taken as {reference:g} degC; where it is in degrees Fahrenheit, convert it"
         warn_of(file, text)
     for name, size in zip(POSITION, np.median(np.abs(dataset.position), axis=0), strict=True):
-        if size > FARTHEST_POSITION:
+        if size > 1e12:  # in nanometres, 1 km
             what, hint = f"half of the positions are {size:.2g} m away or farther", "give metres"
             raise DatasetError(what, file=dataset.file, column=name, hint=hint)
     if len(dataset) > 1 and not np.ptp(dataset.q, axis=0).any():
@@ -307,18 +276,19 @@ def check_extremes(dataset: Dataset) -> None:
         raise DatasetError("all poses have the same commands", file=dataset.place(0)[0], column="q1", hint=hint)
 
 
-def _bounded(dataset: Dataset) -> Iterator[Bound]:
+def _bounded(dataset: Dataset) -> Iterator[tuple[str, float, tuple[float, float], str]]:
+    """Keys of dataset.toml, their values, the limits of these (assumed), and hints."""
     for coordinate in dataset.instrument.station or ():
-        yield "instrument.station", coordinate, (-STATION, STATION), "where the instrument stands, m"
+        yield "instrument.station", coordinate, (-1e4, 1e4), "where the instrument stands, m"
     hint = "the temperature at which the geometry holds, degC (subtract 273.15 from kelvin)"
-    yield "conditions.reference_temperature", dataset.conditions.reference_temperature, TEMPERATURE, hint
+    yield "conditions.reference_temperature", dataset.conditions.reference_temperature, (-60.0, 150.0), hint
     for kind, value in dataset.tolerance.items():
-        yield f"tolerance.{kind}", value, TOLERANCE, "1 sigma in m, rad or m/m"
+        yield f"tolerance.{kind}", value, (1e-10, 10.0), "1 sigma in m, rad or m/m"
     for i, table in enumerate(dataset.readings.tables):
         for name, unit in (("sigma", "m or rad"), ("position_sigma", "m"), ("orientation_sigma", "rad")):
             sigma = getattr(table, name, None)
             if sigma is not None:
                 like = {"m": "micrometres", "rad": "microradians"}.get(unit, "micrometres or microradians")
-                looks = f" (it looks like {like})" if sigma > SIGMA[1] else ""
+                looks = f" (it looks like {like})" if sigma > 1.0 else ""
                 key = f"instrument.{f'{i}.' * bool(table.name)}{name}"
-                yield key, sigma, SIGMA, f"1 sigma per axis in {unit}{looks}"
+                yield key, sigma, (1e-10, 1.0), f"1 sigma per axis in {unit}{looks}"

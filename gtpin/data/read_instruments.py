@@ -104,13 +104,9 @@ def _poses(rows: InstrumentRows) -> dict[str, Any] | None:
         return None
     if isinstance(table.target, tuple) or table.targets or table.target_sigma or table.stations:
         return None
-    instrument = InstrumentSection(
-        position_sigma=table.position_sigma or table.sigma,
-        orientation_sigma=table.orientation_sigma,
-        frame=table.frame,
-        target=table.target or "tcp",
-        station=table.station,
-    )
+    same = table.model_dump(include={"orientation_sigma", "frame", "station"})
+    sigma, target = table.position_sigma or table.sigma, table.target or "tcp"
+    instrument = InstrumentSection(position_sigma=sigma, target=target, **same)
     turned = "qw" in rows.columns
     return {
         "position": np.column_stack([rows.columns[name] for name in POSITION]),

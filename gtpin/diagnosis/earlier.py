@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.checks.before_fit import plausible_rows
+from gtpin.calibration.checks.before_fit import known_noise, plausible_rows, prepared, with_positions
 from gtpin.calibration.checks.instruments import check_sockets, check_stations
-from gtpin.calibration.checks.prepared import known_noise, prepared, with_positions
 from gtpin.calibration.problem import Measured, rough_frame
 from gtpin.data import Dataset, check_commands, without_whole_turns
 from gtpin.data.duplicates import counted_once

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtpin.calibration.calibrate import calibrate
-from gtpin.calibration.checks.prepared import prepared
+from gtpin.calibration.checks.before_fit import prepared
 from gtpin.calibration.checks.prior_conflict import PLACES
-from gtpin.calibration.free_target import with_free_target
+from gtpin.calibration.problem import with_free_target
 from gtpin.calibration.result import Calibration
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset

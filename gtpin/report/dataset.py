@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.checks.prepared import with_positions
+from gtpin.calibration.checks.before_fit import with_positions
 from gtpin.data.names import command_names
 from gtpin.errors import DatasetError, GtpinError
 from gtpin.model.measured_robot import robot_of

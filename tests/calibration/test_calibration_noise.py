@@ -10,7 +10,17 @@ from monte_carlo import ONCE, assert_chi2, study
 from quick_first import quick_first
 from scipy.stats import binom, chi2, multivariate_normal
 from scipy.stats import t as student
-from virtual_gantry import ORIENTATION_SIGMA, POSITION_SIGMA, case, commands, draw, measured, tolerance, undeclared
+from virtual_gantry import (
+    GANTRY,
+    ORIENTATION_SIGMA,
+    POSITION_SIGMA,
+    case,
+    commands,
+    draw,
+    measured,
+    tolerance,
+    undeclared,
+)
 
 import gtpin
 from gtpin.data import InstrumentSection
@@ -292,7 +302,7 @@ def test_data_without_noise_are_fitted_closely(declared, nominal, repeats, seed)
     if repeats:
         visits = np.concatenate([visits, np.arange(20)])
     if nominal:
-        machine = type(machine)(machine.gantry.nominal(), dict.fromkeys(machine.deviations, 0.0))
+        machine = type(machine)(GANTRY, dict.fromkeys(machine.deviations, 0.0))
     tiny = InstrumentSection(position_sigma=1e-9, orientation_sigma=1e-9)
     q = commands(rng, 80)
     dataset = measured(machine, q[visits], rng, noise=np.zeros((len(visits), 6)), pose=visits, instrument=tiny)

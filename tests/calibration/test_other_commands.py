@@ -12,7 +12,7 @@ from quick_first import quick_first
 from serial_arm import measured_arm
 
 import gtpin
-from gtpin.calibration.checks.commands import CommandReading
+from gtpin.calibration.checks.readings import CommandReading
 from gtpin.calibration.checks.recognise import Interpretation, recognised
 from gtpin.calibration.problem import measured_poses
 from gtpin.errors import DatasetError

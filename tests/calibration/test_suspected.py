@@ -11,9 +11,10 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.bench.simulator import make_case
-from gtpin.calibration.checks.suspected import NO_FIT, suspect
+from gtpin.calibration.checks.suspected import NO_FIT, UNCERTAIN, recalled, suspect
+from gtpin.calibration.gauss_newton import FlatValleyError
 from gtpin.data import Dataset, InstrumentSection
-from gtpin.errors import DatasetError, GtpinWarning
+from gtpin.errors import ConvergenceError, DatasetError, GtpinError, GtpinWarning
 
 MISTAKE = DatasetError("q1 looks reversed", column="q1", hint="change the sign of q1")
 
@@ -70,6 +71,15 @@ def test_a_convention_of_rotations_is_certain_where_it_leaves_exactly_the_noise_
     ):
         with pytest.warns(GtpinWarning, match="used as they are"):
             suspect(MISTAKE, known, before, after, exact=True)
+
+
+@pytest.mark.parametrize("error", [DatasetError("no"), ConvergenceError("no", hint="check"), FlatValleyError(None)])
+def test_an_error_of_any_kind_has_the_suspicions_too(error: GtpinError) -> None:
+    before = error.hint or ""
+    with pytest.raises(type(error)) as raised, recalled([f"q1 looks reversed {UNCERTAIN}, ...)", "another warning"]):
+        raise error
+    assert raised.value is error
+    assert str(error).endswith(f"{before}; suspected: q1 looks reversed".removeprefix("; "))
 
 
 @pytest.mark.slow

@@ -47,8 +47,7 @@ NOT_CORE = ("extras", "bench", "plant", "sim")
 """Parts that the core reaches by entry points alone; ``plant`` is the former name of ``bench.simulator``, ``sim`` the public
 name of a part of ``extras.simulators``."""
 ASKING = {
-    "calibration/checks/before_fit.py": 1,
-    "calibration/checks/prepared.py": 1,
+    "calibration/checks/before_fit.py": 2,
     "calibration/checks/prior_conflict.py": 1,
     "data/dataset.py": 2,
     "diagnosis/against.py": 2,

@@ -9,34 +9,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.calibration.checks import limits
-from gtpin.calibration.checks.before_fit import about_track, check_moved, check_other_readings, reach_of
+from gtpin.calibration.checks import instruments, limits, moved, suspected
+from gtpin.calibration.checks.before_fit import check_moved, check_other_readings, reach_of
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
-from gtpin.calibration.checks.instruments import (
-    Misfit,
-    check_fitted,
-    check_heights,
-    check_readable,
-    explained,
-)
-from gtpin.calibration.checks.moved import (
-    check_instrument_steps,
-    check_sessions_linear,
-    check_stretch,
-    initial_noise,
-    stretch,
-)
 from gtpin.calibration.checks.prior_conflict import without_prior_conflict
 from gtpin.calibration.checks.readings import misread, rotation_readings
 from gtpin.calibration.checks.recognise import either
-from gtpin.calibration.checks.suspected import (
-    UNEXPLAINED,
-    far_from_declared,
-    gross_errors,
-    refuse,
-    suspect,
-    warn_of_far_parameters,
-)
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.observability import UNSEEN
@@ -57,47 +35,41 @@ from gtpin.noise.reading_noise import SMALLEST
 from gtpin.typing import Floats, Mask
 
 
-def settled_fit(given: Dataset, kept: Dataset, fit: RobustFit, *, tracked: bool, doubt: bool) -> FitState:
-    """Run the robust fit of the rows that are ``kept`` of a dataset, with its checks.
+def settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
+    """Run the robust fit of the rows that are ``kept`` of the poses that one tracker measured, with its checks.
 
-    ``tracked``: whether one tracker measured poses. ``doubt``: whether the declared noise, frame and tolerances are checked
-    too; the noise of readings always is.
+    ``doubt``: whether the declared noise, frame and tolerances are checked too; the noise of readings always is.
 
     Raises `DatasetError` if the data can't be this robot's, or the fit does not describe them. `ConvergenceError` if it
     does not converge for another reason. Warns: names the poses that are rejected, and what was assumed wrongly.
     """
-    return _settled_poses(kept, fit, doubt=doubt) if tracked else _settled_readings(given, kept, fit, doubt=doubt)
-
-
-def _settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
-    """As :func:`settled_fit`, for poses that one tracker measured."""
     measured, seen = fit.whole.poses, fit.whole.start.in_instrument_frame(fit.near)
     far = np.asarray(np.linalg.norm(measured.T - seen.T, axis=1) > reach_of(fit.whole.start.geometry))
-    check_stretch(kept, measured, seen, far, bumps=False)
+    moved.check_stretch(kept, measured, seen, far, bumps=False)
     with _explained(kept, fit, measured, far):
         try:
             settled = settled_or_explained(fit) if doubt else fit.run()
         except ConvergenceError:
             if doubt:
                 point = fit.whole.point(fit.whole.first, fit.near)
-                check_instrument_steps(kept, fit.whole, point, initial_noise(fit.whole.measured))
+                moved.check_instrument_steps(kept, fit.whole, point, moved.initial_noise(fit.whole.measured))
             raise
         check_convention(kept, settled.fit, settled.noise.sigma)
         if doubt:
             used, noise = kept.take(settled.used), settled.noise.take(settled.used)
-            check_instrument_steps(used, settled.fit.problem, settled.fit.point, noise)
+            moved.check_instrument_steps(used, settled.fit.problem, settled.fit.point, noise)
         residual = settled.fit.problem.raw_residual(settled.fit.point, settled.fit.point.poses)[:, :3]
         if np.sqrt((residual**2).sum(axis=1).mean()) > limits.POOR:
             # A smaller motion is left to a diagnosis: a drive's zero or a tool that grows can look like it.
-            check_sessions_linear(kept, fit.whole, fit.near, limits.SESSION_FAR)
+            moved.check_sessions_linear(kept, fit.whole, fit.near, limits.SESSION_FAR)
         if not settled.used.all():
             _check_set_aside(kept, measured, settled)
-            warn(gross_errors(kept, ~settled.used))
+            warn(suspected.gross_errors(kept, ~settled.used))
         coarse, found = _check_fit(kept, settled, seen), settled
         if doubt:
             found = without_prior_conflict(*with_credible_noise(fit, settled))
         else:
-            warn_of_far_parameters(settled, settled.geometry.tolerance, about_track(settled.fit.point.model.geometry))
+            suspected.warn_of_far_parameters(settled, settled.geometry.tolerance)
         if doubt and coarse is None and not found.doubt:
             check_moved(kept, found.fit.point.model.geometry, fit.whole.start.geometry, fit.near, fit.found)
     return found
@@ -112,8 +84,8 @@ def _explained(dataset: Dataset, fit: RobustFit, measured: Measured, far: Mask) 
         if error.row is not None or error.column is not None:  # it names what is wrong already
             raise
         check_other_readings(dataset, fit.whole.start, fit.near, failed=True)
-        check_stretch(dataset, measured, fit.whole.start.in_instrument_frame(fit.near), far)
-        check_sessions_linear(dataset, fit.whole, fit.near, limits.SESSION_FAILED)
+        moved.check_stretch(dataset, measured, fit.whole.start.in_instrument_frame(fit.near), far)
+        moved.check_sessions_linear(dataset, fit.whole, fit.near, 1e-3)
         coarse = _coarse_commands(fit.whole.start, measured, fit.near)
         if coarse is None:
             raise
@@ -126,26 +98,20 @@ def _check_set_aside(kept: Dataset, measured: Measured, settled: FitState) -> No
     """Refuse a fit that set aside a sequence of rows, or a large part of them; a warning where an effect can explain these."""
     aside = ~settled.used
     predicted = settled.fit.point.model.predict(kept.q)
-    check_stretch(kept, measured, predicted, aside)
+    moved.check_stretch(kept, measured, predicted, aside)
     off = np.linalg.norm(measured.T - predicted.T, axis=1)
     if np.nanmedian(off[aside]) < limits.POOR:
         return
-    found = stretch(aside)
+    found = moved.stretch(aside)
     if found is None and aside.mean() < limits.MOST_GROSS:
         return
     lines = kept.row[aside if found is None else found]
     where = f"{aside.sum()} of {len(aside)} rows" if found is None else f"rows {lines.min()} to {lines.max()}"
     left = float(np.nanmedian(off[aside]))
-    error = DatasetError(
-        f"{where} do not fit the others, by {1e3 * left:.3g} mm in the median",
-        file=kept.file,
-        row=int(lines.min()),
-        hint="commands or readings of other rows, signs or units of a part of the table; correct them, or leave them out",
-    )
-    if left > limits.NO_EFFECT[0]:
-        refuse(error, kept)
-    else:
-        warn(str(error))
+    what = f"{where} do not fit the others, by {1e3 * left:.3g} mm in the median"
+    hint = "commands or readings of other rows, signs or units of a part of the table; correct them, or leave them out"
+    error = DatasetError(what, file=kept.file, row=int(lines.min()), hint=hint)
+    suspected.refuse(error, kept, sure=left > limits.NO_EFFECT[0])
 
 
 def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
@@ -172,12 +138,12 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
         if kept.instrument.frame != "free":
             hint += ', and whether the instrument stood elsewhere (frame = "free")'
         lines = kept.row[settled.used]
-        found = stretch(errors > max(10.0 * float(np.quantile(errors, 0.25)), limits.POOR))
+        found = moved.stretch(errors > max(10.0 * float(np.quantile(errors, 0.25)), limits.POOR))
         row = None
         if found is not None:  # the others fit: these rows are the reason
             row = int(lines[found].min())
             what = f"rows {row} to {int(lines[found].max())} do not fit the others; {what}"
-        refuse(DatasetError(what, file=kept.file, row=row, hint=hint), kept)
+        suspected.refuse(DatasetError(what, file=kept.file, row=row, hint=hint), kept)
     if left < SMALLEST and kept.instrument.position_sigma is None:
         warn(
             f"the positions agree with the calibrated kinematics to {left * 1e6:.2g} um in the median, and no instrument "
@@ -186,7 +152,7 @@ def _check_fit(kept: Dataset, settled: FitState, nominal: Poses) -> str | None:
     size, coarse = weights.robust_scale(settled.fit.residual), None
     if size > limits.MISFIT or settled.sigma_scale > 1.0:
         coarse = _coarse_commands(model, measured, point.poses)
-        why = f"{coarse}; give them with more digits" if coarse else UNEXPLAINED
+        why = f"{coarse}; give them with more digits" if coarse else suspected.UNEXPLAINED
         if coarse or size > limits.MISFIT:
             times = max(size, settled.sigma_scale)
             warn(f"residuals are {times:{'.0f' if times > limits.MISFIT else '.1f'}} times the noise: {why}")
@@ -203,26 +169,27 @@ def _coarse_commands(model: Model, measured: Measured, poses: Poses) -> str | No
     off = measured.T[some] - near.moved(frame.T, frame.R).T
     J = model.kinematics.command_jacobian(q, near)[:, :3]
     wrong = np.abs(np.einsum("nij,nj->ni", np.linalg.pinv(J), off @ frame.R) / steps.size).max(axis=1)
-    if not limits.ROUNDED[0] <= np.median(wrong) or np.quantile(wrong, 0.9) > limits.ROUNDED[1]:
+    # Rounding makes up to a half of a step, truncation up to one, and the geometry's own errors come on top.
+    if not np.median(wrong) >= 0.1 or np.quantile(wrong, 0.9) > 1.5:
         return None
     size = 1e3 * np.median(np.linalg.norm(off, axis=1))
     return f"all commands are multiples of {steps.words}, and poses are off by {size:.2g} mm, as such a step makes them"
 
 
-def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
-    """As :func:`settled_fit`, for readings of any instruments."""
+def settled_readings(given: Dataset, kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
+    """As :func:`settled_poses`, for readings of any instruments."""
     readings, near, reach = fit.whole.measured, fit.near, reach_of(fit.whole.start.geometry)
 
-    def misfit(some: Readings, index: int, rough: bool = False) -> Misfit | None:
+    def misfit(some: Readings, index: int, rough: bool = False) -> instruments.Misfit | None:
         tried = replace(fit, whole=replace(fit.whole, measured=some))
         try:
             other = tried.rough() if rough else tried.run().fit
         except ConvergenceError:
             return None
-        return Misfit.of(other.problem.readings(other.point.x), other.point.poses, index)
+        return instruments.Misfit.of(other.problem.readings(other.point.x), other.point.poses, index)
 
-    check_readable(given, readings, fit.whole.start, near, reach, misfit)
-    with explained(readings, near):
+    instruments.check_readable(given, readings, fit.whole.start, near, reach, misfit)
+    with instruments.explained(readings, near):
         credible, settled = with_credible_noise(fit, settled_or_explained(fit))
     fitted = settled.fit.problem.readings(settled.fit.point.x)
     left, heights = (
@@ -233,18 +200,18 @@ def _settled_readings(given: Dataset, kept: Dataset, fit: RobustFit, *, doubt: b
     # Errors of touches of the size by which their heights vary would be taken for noise that was not declared.
     vary = own.any() and settled.noise.estimated.any() and np.std(left[own]) > limits.VARIATION * np.std(heights[own])
     if settled.scale > limits.MISFIT or vary:
-        check_heights(given, readings, near, reach, misfit)
+        instruments.check_heights(given, readings, near, reach, misfit)
     _check_used(kept, readings, settled.used)
-    before = [Misfit.of(readings, near, i) for i in range(len(readings.instruments))]
-    check_fitted(given, fitted, settled.fit.point.poses, reach, before)
+    before = [instruments.Misfit.of(readings, near, i) for i in range(len(readings.instruments))]
+    instruments.check_fitted(given, fitted, settled.fit.point.poses, reach, before)
     if settled.scale > limits.MISFIT:
         scale = f"residuals are {settled.scale:.0f} times the noise"
-        warn(f"{scale}: {UNEXPLAINED}, or the declared sigma is too small")
+        warn(f"{scale}: {suspected.UNEXPLAINED}, or the declared sigma is too small")
     found = settled
     if doubt:
         found = without_prior_conflict(credible, settled)
     else:
-        warn_of_far_parameters(settled, settled.geometry.tolerance)
+        suspected.warn_of_far_parameters(settled, settled.geometry.tolerance)
     if not found.doubt:
         check_moved(given, found.fit.point.model.geometry, fit.whole.start.geometry, near, fit.found)
     _warn_of_deviations(found)
@@ -257,12 +224,9 @@ def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
         mine = readings.rows.of == i
         share = float((~used[mine]).mean()) if mine.any() else 0.0
         if share > limits.MOST_GROSS_READINGS:
-            error = DatasetError(
-                f"{100.0 * share:.0f} % of the readings of {one.name} do not fit the others",
-                file=readings.rows.files[i],
-                hint="check its units, its rows' commands, and where it stood",
-            )
-            refuse(error, kept)
+            what = f"{100.0 * share:.0f} % of the readings of {one.name} do not fit the others"
+            hint = "check its units, its rows' commands, and where it stood"
+            suspected.refuse(DatasetError(what, file=readings.rows.files[i], hint=hint), kept)
     rows = readings.rows
     for i, table in enumerate(rows.tables):
         mine = rows.rows_of(i)
@@ -270,11 +234,11 @@ def _check_used(kept: Dataset, readings: Readings, used: Mask) -> None:
             for name in names if len(names) > 1 else ():
                 own = mine[rows.columns[column][mine] == name]
                 count, lost = (len(np.unique(rows.line[some])) for some in (own, own[~used[own]]))
-                if count >= limits.SEVERAL_READINGS and lost > limits.MOST_GROSS_READINGS * count:
+                if count >= 3 and lost > limits.MOST_GROSS_READINGS * count:
                     what = f"{lost} of {count} readings of {table.name} with {column} {name} do not fit the others"
                     warn_of(rows.files[i], f"{what}: check what dataset.toml declares of it, and these rows")
     if not used.all():
-        warn(gross_errors(kept, ~used))
+        warn(suspected.gross_errors(kept, ~used))
 
 
 def _warn_of_deviations(settled: FitState) -> None:
@@ -285,12 +249,12 @@ def _warn_of_deviations(settled: FitState) -> None:
     known = seen.variance_reduction > UNSEEN
     along = seen.directions[:, known].T @ x
     chance = chi2.sf(float((along**2 / seen.variance_reduction[known]).sum()), max(int(known.sum()), 1))
-    far = far_from_declared(settled.deviation, settled.geometry.names, "tolerances")
-    if not far and chance < limits.GEOMETRY_CHANCE:
+    far = suspected.far_from_declared(settled.deviation, settled.geometry.names, "tolerances")
+    if not far and chance < 1e-6:
         text = f"the geometry as a whole is farther from nominal than its tolerances allow (chance {chance:.1g})"
         hint = "check commands, known distances, and what is declared of the instruments, or give larger tolerances"
         warn(f"{text}: {hint}; an effect that the geometry absorbs can be the reason too")
-    if names := far_from_declared(readings.deviation, [unknown.name for unknown in readings.unknowns], "sigmas"):
+    if names := suspected.far_from_declared(readings.deviation, [one.name for one in readings.unknowns], "sigmas"):
         hint = "correct what it declares, or give larger prior sigmas"
         warn(
             f"unknowns more than {limits.FAR_FROM_PRIOR:g} prior sigmas from what dataset.toml declares: {names}: {hint}"
@@ -308,7 +272,7 @@ def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> Non
     """
     measured = fit.problem.poses
     # About one axis conventions differ only in how they scale noise about other axes.
-    if measured.R is None or len(measured.T) < limits.CONVENTION_ROWS or measured.q.shape[1] == 1:
+    if measured.R is None or len(measured.T) < 20 or measured.q.shape[1] == 1:
         return
     rows = np.linspace(0, len(measured.T) - 1, min(len(measured.T), limits.ENOUGH_ROWS)).astype(int)
     some = measured.take(rows)
@@ -339,5 +303,5 @@ def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> Non
     before, after = (tuple(of_each[i]) for i in (0, 1 + others.index(least)))
     error = DatasetError(looks, file=dataset.file, column=" ".join(ORIENTATION), hint=hints)
     if least <= limits.CONVENTION_CERTAIN * now:
-        return refuse(error, dataset)
-    suspect(error, dataset, before, after, exact=True)
+        return suspected.refuse(error, dataset)
+    suspected.suspect(error, dataset, before, after, exact=True)

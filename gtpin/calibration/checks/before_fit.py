@@ -1,4 +1,4 @@
-"""Which rows a calibration can use; an error where they can't be the robot's, by what a quick fit leaves.
+"""What a calibration starts from: rows that it can use; an error where they can't be the robot's, by what a quick fit leaves.
 
 This includes positions that are in another unit than metres in a part of the rows.
 """
@@ -13,25 +13,34 @@ import numpy as np
 from gtpin.calibration.checks import limits
 from gtpin.calibration.checks.instruments import check_distances, check_sockets, check_stations
 from gtpin.calibration.checks.moved import check_sessions
-from gtpin.calibration.checks.prepared import prepared
 from gtpin.calibration.checks.readings import UNITS
 from gtpin.calibration.checks.recognise import recognised
-from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
-from gtpin.calibration.free_target import with_free_target, with_target
+from gtpin.calibration.checks.suspected import NO_FIT, Size, about_track, refuse, suspect
 from gtpin.calibration.gauss_newton import fit
-from gtpin.calibration.problem import Measured, Problem, measured_poses, problem_of, rough_frame
-from gtpin.data import Dataset, InstrumentSection, check_commands
-from gtpin.data.duplicates import with_rounding
+from gtpin.calibration.problem import (
+    Measured,
+    Problem,
+    measured_poses,
+    problem_of,
+    rough_frame,
+    with_free_target,
+    with_target,
+)
+from gtpin.data import Dataset, InstrumentSection, check_commands, without_whole_turns
+from gtpin.data.duplicates import counted_once, with_rounding
 from gtpin.data.files import warn_of
 from gtpin.data.names import ORIENTATION
-from gtpin.data.plausible import check_actuators, named_poses, sane_rows
+from gtpin.data.plausible import check_actuators, check_extremes, named_poses, sane_rows
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.frame_and_target import MEDIAN, nearest
 from gtpin.instruments.readings import Readings, single
 from gtpin.kinematics.poses import Poses
-from gtpin.model.measured_robot import measuring
+from gtpin.kinematics.rotations import log
+from gtpin.model.measured_robot import measuring, robot_of
 from gtpin.model.model import Frame, Model
 from gtpin.noise import weights
+from gtpin.noise.noise import Noise
+from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats, Mask
 
@@ -39,8 +48,9 @@ from gtpin.typing import Floats, Mask
 class Fittable(NamedTuple):
     """What a fit starts from.
 
-    ``data``: the dataset without copies. ``whole``, ``usable``, ``kept``, ``near``: as :func:`usable_rows` gives them.
-    ``problem``: about the nominal machine. ``tracked``: whether one tracker measured poses.
+    ``data``: the dataset without copies. ``whole``: the same with the noise that rounding adds, or with equally many numbers in
+    each row. ``usable``: (N,) its rows that the robot can have reached. ``kept``: these rows. ``near``: their nominal poses,
+    base frame. ``problem``: about the nominal machine. ``tracked``: whether one tracker measured poses.
     """
 
     data: Dataset
@@ -56,36 +66,21 @@ def fittable(dataset: Dataset, geometry: Geometry) -> Fittable:
     """What a fit of a dataset starts from; errors and warnings of all checks of the data before a fit."""
     check_actuators(geometry.robot, dataset)
     nominal = Model(with_free_target(replace(geometry, robot=measuring(geometry.robot, dataset)), dataset))
-    data, tracked = prepared(dataset, nominal), dataset.readings.tracked
-    whole, usable, kept, near = usable_rows(data, nominal, tracked=tracked)
-    problem = problem_of(kept, near, nominal, free=tracked and data.instrument.frame == "free")
-    return Fittable(data, whole, usable, kept, near, problem, tracked)
-
-
-def usable_rows(given: Dataset, nominal: Model, *, tracked: bool) -> tuple[Dataset, Mask, Dataset, Poses]:
-    """The dataset as it is fitted: with the noise that rounding adds, or with equally many numbers in each row; (N,) the rows
-    that the robot can have reached; these rows, and their nominal poses, base frame.
-
-    ``nominal``: with the passive joints measured that encoders read. ``tracked``: whether one tracker measured poses.
-    """
-    robot = nominal.robot
+    data, tracked, robot = prepared(dataset, nominal), dataset.readings.tracked, nominal.robot
     if tracked:
-        whole = with_rounding(given)
+        whole = with_rounding(data)
         usable = sane_rows(whole)
         poses = nominal.kinematics.forward(whole.q[usable])
         plausible = plausible_rows(whole.take(usable), nominal, poses)
         usable[usable] = plausible
-        kept = whole.take(usable)
-        return (
-            whole,
-            usable,
-            replace(kept, orientation=None) if nominal.geometry.positions_only else kept,
-            poses[plausible],
-        )
-    check_sockets(given, robot)
-    check_stations(given)
-    whole = single(given, robot)
-    check_commands(given, robot)
+        kept, near = whole.take(usable), poses[plausible]
+        kept = replace(kept, orientation=None) if geometry.positions_only else kept
+        problem = problem_of(kept, near, nominal, free=data.instrument.frame == "free")
+        return Fittable(data, whole, usable, kept, near, problem, tracked)
+    check_sockets(data, robot)
+    check_stations(data)
+    whole = single(data, robot)
+    check_commands(data, robot)
     poses, usable = nominal.kinematics.forward(whole.q), sane_rows(whole)
     countable = "for numbers that are too large to count with", "no reading that can be counted with"
     reached = "because the robot can't reach them", "the robot reaches none of these commands"
@@ -98,9 +93,60 @@ def usable_rows(given: Dataset, nominal: Model, *, tracked: bool) -> tuple[Datas
         usable &= good
         if not usable.any():
             raise DatasetError(what, file=whole.file, hint=hint)
-    kept = whole.take(usable)
-    check_distances(kept, robot, poses[usable], reach_of(nominal.geometry))
-    return whole, usable, kept, poses[usable]
+    kept, near = whole.take(usable), poses[usable]
+    check_distances(kept, robot, near, reach_of(nominal.geometry))
+    return Fittable(data, whole, usable, kept, near, problem_of(kept, near, nominal, free=False), tracked)
+
+
+def prepared(dataset: Dataset, nominal: Model) -> Dataset:
+    """The dataset with positions; without whole turns, copies of rows, and a constant orientation where the robot must turn.
+
+    Raises `DatasetError` if dataset.toml contradicts the rows, or all commands are the same. Warns: says what is left out.
+    """
+    check_extremes(dataset)
+    robot = nominal.robot
+    dataset = without_whole_turns(dataset, robot)
+    dataset = counted_once(with_positions(dataset, robot))
+    wxyz = dataset.orientation
+    if wxyz is None or len(wxyz) < 2 or (1.0 - np.abs(wxyz @ wxyz[0]) >= 1e-12).any():  # some 3 microradians
+        return dataset
+    poses = nominal.kinematics.forward(dataset.q)
+    R = poses.R[poses.reached]
+    if len(R) < 2 or float(np.linalg.norm(log(R @ R[0].T), axis=1).max()) <= 1e-5:  # less is rounding error
+        return dataset
+    text = "the orientation is the same in every row, though the robot turns: not measured; positions are used alone"
+    warn_of(dataset.file, text)
+    return replace(dataset, orientation=None)
+
+
+def with_positions(dataset: Dataset, robot: Chain | None = None) -> Dataset:
+    """The dataset with the nominal TCP's positions, base frame, m, as ``position``: readings alone do not have any.
+
+    ``robot``: the nominal robot; None: the one that the dataset names. These positions serve to divide the poses into regions.
+    A row that the nominal robot can't reach gets the position of the first row that it can reach.
+    """
+    if dataset.readings.tracked:
+        return dataset
+    robot = robot_of(dataset) if robot is None else robot
+    if dataset.n_actuators != robot.n_actuators:
+        return dataset
+    T = Model(Geometry.nominal(robot)).kinematics.forward(dataset.q).T.copy()
+    reached = np.isfinite(T[:, 0])
+    T[~reached] = T[reached][0] if reached.any() else 0.0
+    return replace(dataset, position=T)
+
+
+def known_noise(dataset: Dataset, position: float | None, orientation: float | None, repeatability: float) -> Noise:
+    """The noise of measured poses from sigmas per axis, m and rad, and the repeatability of the actuators, m or rad.
+
+    Raises `DatasetError` if a sigma that the data need is not known (None).
+    """
+    if position is None or (orientation is None and dataset.orientation is not None):
+        column = f"instrument.{'position' if position is None else 'orientation'}_sigma"
+        hint = "declare position_sigma and orientation_sigma under [instrument], or calibrate the model again"
+        what = "the noise is not known: neither these data nor the model state it"
+        raise DatasetError(what, file=dataset.file, column=column, hint=hint)
+    return Noise(position, 1.0 if orientation is None else orientation, repeatability)
 
 
 def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
@@ -175,11 +221,6 @@ def reach_of(geometry: Geometry) -> float:
     return max(0.05, 50.0 * max(lengths, default=0.0))
 
 
-def about_track(geometry: Geometry) -> Mask:
-    """(p,) rotations of measured tracks about themselves: they depend on where targets were on carts, and are no errors."""
-    return np.array([p.kind == "track_direction" and p.component == 2 for p in geometry.parameters], dtype=bool)
-
-
 def check_moved(dataset: Dataset, geometry: Geometry, nominal: Geometry, near: Poses, free: Mask | None) -> None:
     """Refuse a fitted geometry whose links stand elsewhere than this robot's; the error names the farthest parameter.
 
@@ -228,15 +269,15 @@ def left_after_fit(nominal: Model, measured: Measured, instrument: InstrumentSec
     readings, c = Readings.of_poses(measured.q, measured.T, measured.R, nominal.robot), measured.components
     x = None
     try:
-        for sigmas in ((limits.COARSE_NOISE, limits.COARSE_NOISE), last):
+        for sigmas in ((1e-3, 1e-3), last):  # with less at first, the cost is a narrow curved valley
             whitening = np.diag(1.0 / np.repeat(sigmas, 3)[:c])
             problem = Problem(start, readings, np.broadcast_to(whitening, (len(poses), c, c)), free)
-            found = fit(problem, weights.huber, x, near=poses, enough=limits.QUICK_STEPS)
+            found = fit(problem, weights.huber, x, near=poses, enough=15)
             x, poses = found.point.x, found.point.poses
     except (ConvergenceError, np.linalg.LinAlgError):
         return NO_FIT
     off = np.abs(found.point.x[: found.problem.n_geometry])
-    farthest = np.array([limits.ANOTHER_ROBOT.get(p.unit, np.inf) for p in nominal.geometry.parameters])
+    farthest = np.array([{"m": 0.02, "rad": 0.05}.get(p.unit, np.inf) for p in nominal.geometry.parameters])
     if ((off > limits.ANOTHER_TOLERANCES) & (off * nominal.geometry.tolerance > farthest)).any():
         return NO_FIT  # another robot
     residual = measured.residual_at(found.point.model.in_instrument_frame(poses))
@@ -258,20 +299,16 @@ def check_mixed_units(dataset: Dataset, poses: Poses) -> None:
         return
     rows, unit, factor, before, after = found
     lines = dataset.row[there][rows]
-    error = DatasetError(
-        f"x y z look like {unit} in {rows.sum()} of {len(dataset)} rows, the first in line {lines.min()} and the last in line "
-        f"{lines.max()} of the file, and like metres in the others",
-        file=dataset.file,
-        row=int(lines.min()),
-        column="x y z",
-        hint=f"multiply x, y and z of these rows by {factor:g}",
-    )
+    first, last, hint = int(lines.min()), int(lines.max()), f"multiply x, y and z of these rows by {factor:g}"
+    what = f"x y z look like {unit} in {rows.sum()} of {len(dataset)} rows, the first in line {first} and the last in line "
+    what += f"{last} of the file, and like metres in the others"
+    error = DatasetError(what, file=dataset.file, row=first, column="x y z", hint=hint)
     suspect(error, dataset, (before, 0.0), (after, 0.0))
 
 
 def _part(T: Floats, poses: Poses, free: bool) -> tuple[Mask, str, float, float, float] | None:
     """The rows in another unit, its name, its length in metres, and the rows' median errors, m, as metres and in it."""
-    least = max(limits.FEWEST_ROWS, int(np.ceil(limits.MIXED_SHARE * len(T))))
+    least = max(limits.FEWEST_ROWS, int(np.ceil(0.1 * len(T))))
     if len(T) < 2 * least:
         return None
     near = (
@@ -284,7 +321,7 @@ def _part(T: Floats, poses: Poses, free: bool) -> tuple[Mask, str, float, float,
     tried = zip(UNITS, off[1:], strict=True)
     for (unit, factor), left in sorted(tried, key=lambda pair: -int((pair[1] <= near).sum())):
         rows = (left <= near) & (off[0] > limits.BETTER * left)
-        if least <= rows.sum() <= len(T) - least and fits[~rows].mean() >= limits.MIXED_REST:
+        if least <= rows.sum() <= len(T) - least and fits[~rows].mean() >= 0.75:
             return rows, unit, factor, float(np.median(off[0][rows])), float(np.median(left[rows]))
     return None
 
@@ -296,15 +333,15 @@ def _off(T: Floats, seen: Floats) -> Floats:
 
 def _seen(T: Floats, poses: Poses, near: float) -> Floats:
     """(N, 3) where a free instrument should see the poses, by the frame in which most rows fit in some unit."""
-    some = np.linspace(0, len(T) - 1, min(len(T), limits.MIXED_ROWS)).astype(int)
+    some = np.linspace(0, len(T) - 1, min(len(T), 300)).astype(int)
     everywhere, T, poses = poses, T[some], poses[some]
-    rng = np.random.default_rng(0)
-    rows = np.argsort(rng.random((limits.TRIPLES, len(T))), axis=1)[:, :3]
+    # Of 400 sets of three rows, every eighth is in metres alone where the two units have equal parts.
+    rows = np.argsort(np.random.default_rng(0).random((400, len(T))), axis=1)[:, :3]
     a, b = poses.T[rows], T[rows]
     centre_a, centre_b = a.mean(axis=1), b.mean(axis=1)
     R = nearest(np.swapaxes(b - centre_b[:, None], 1, 2) @ (a - centre_a[:, None]))
     shift = centre_b - (R @ centre_a[..., None])[..., 0]
-    tried = [_off(T, poses.T @ R[k].T + shift[k]) for k in range(limits.TRIPLES)]
+    tried = [_off(T, poses.T @ turn.T + moved) for turn, moved in zip(R, shift, strict=True)]
     off = max(tried, key=lambda off: (int((off.min(axis=0) <= near).sum()), -float(np.median(off.min(axis=0)))))
     good = off[0] <= near
     if good.sum() < limits.FEWEST_ROWS:  # no frame

@@ -23,6 +23,14 @@ SIGMAS: tuple[tuple[Sigma, slice], ...] = (("position_sigma", slice(0, 3)), ("or
 """Keys of a tracker's noise, and the components of a pose that each is of."""
 
 
+UNITS_OF_NOISE = {
+    "m": ((250.0, 4e3, "millimetres"), (2.5e5, 4e6, "micrometres")),
+    "rad": ((25.0, 150.0, "degrees"), (250.0, 4e3, "milliradians"), (2.5e5, 4e6, "microradians")),
+}
+"""Ratios of declared to real noise (a factor of four to either side of a unit's own, less for degrees), and the unit that they
+look like."""
+
+
 @dataclass(frozen=True)
 class Declared:
     """A declared noise sigma.
@@ -58,7 +66,7 @@ def settled_or_explained(fit: RobustFit) -> FitState:
         for one in declared:
             seen = _shown(again, one)
             if one.value * limits.NOISE_OVERSTATED < seen:
-                if seen > limits.NO_NOISE:
+                if seen > 0.01:  # m or rad: no instrument for robots has so much
                     raise error from None
                 raise _error(readings, one, seen) from None
         raise
@@ -87,7 +95,8 @@ def with_credible_noise(fit: RobustFit, settled: FitState) -> tuple[RobustFit, F
     undeclared = _undeclared(fit, suspects)
     again = undeclared.run()
     seen = {one.group: _shown(again, one) for one in suspects}
-    wrong = [one for one in suspects if one.value > limits.NOISE_TWICE * seen[one.group]]
+    # Data sheets give limits of two standard deviations as often as one, and less than that changes no verdict.
+    wrong = [one for one in suspects if one.value > 2.0 * seen[one.group]]
     for one in sorted(wrong, key=lambda one: seen[one.group] / one.value):
         if one.value > limits.NOISE_OVERSTATED * seen[one.group]:
             raise _error(readings, one, seen[one.group])
@@ -139,10 +148,10 @@ def _shown(settled: FitState, one: Declared) -> float:
     problem, point = settled.fit.problem, settled.fit.point
     some = np.flatnonzero((problem.measured.group == one.group).any(axis=1))
     some = some[:: 1 + len(some) // ENOUGH]
-    J = point.model.kinematics.command_jacobian(problem.measured.q[some], point.poses[some])
-    measured, noise = problem.readings(point.x).take(some), settled.noise.take(settled.used).take(some)
-    covariance = noise.covariance(measured.change_by(J, point.model, point.poses[some]), measured.components)
-    return float(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[measured.group == one.group].mean()))
+    noise = settled.noise.take(settled.used).take(some)
+    covariance = noise.covariance(problem.by_command(point, some), problem.measured.components)
+    own = problem.measured.group[some] == one.group
+    return float(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[own].mean()))
 
 
 def _overstated(settled: FitState, one: Declared) -> bool:
@@ -151,7 +160,7 @@ def _overstated(settled: FitState, one: Declared) -> bool:
     own = (readings.group == one.group) & (np.isfinite(readings.row_sigma) == one.by_row)
     sigma = readings.row_sigma[own] if one.by_row else one.value
     residual = fit.problem.raw_residual(fit.point, fit.point.poses)[own] / sigma
-    if not residual.size or (residual**2).mean() >= limits.NOISE_SUSPECT**2:
+    if not residual.size or (residual**2).mean() >= 0.7**2:
         return False
     effective_parameters = 0.0
     for rows in fit.problem.chunks():
@@ -159,9 +168,7 @@ def _overstated(settled: FitState, one: Declared) -> bool:
         leverage = np.einsum("nci,ij,ncj->nc", J, fit.covariance, J, optimize=True)
         effective_parameters += float(leverage[readings.group[rows] == one.group].sum())
     free = residual.size - effective_parameters
-    return free >= 1.0 and bool(
-        chi2.cdf(float((residual**2).sum()), free) < limits.NOISE_CHANCE
-    )  # too few say nothing of noise
+    return free >= 1.0 and bool(chi2.cdf(float((residual**2).sum()), free) < 1e-3)  # too few say nothing of noise
 
 
 def _text(readings: Readings, one: Declared, seen: float, what: str = "these data") -> str:
@@ -176,7 +183,7 @@ def _error(readings: Readings, one: Declared, seen: float) -> DatasetError:
     file = readings.rows.files[one.instrument]
     what, lines = (
         "columns" if one.by_row else "line",
-        limits.NOISE_UNITS["rad" if readings.group_turns[one.group] else "m"],
+        UNITS_OF_NOISE["rad" if readings.group_turns[one.group] else "m"],
     )
     like = next((unit for low, high, unit in lines if low <= one.value / seen <= high), "")
     hint = f"{f'it looks like {like}: ' if like else ''}give metres and radians, or leave the {what} out"

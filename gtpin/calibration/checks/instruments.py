@@ -3,27 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import combinations
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gtpin.calibration.checks import limits
-from gtpin.calibration.checks.readings import UNITS
+from gtpin.calibration.checks.readings import UNITS, OfTable, table_readings
 from gtpin.calibration.checks.recognise import Interpretation, recognised
 from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
 from gtpin.calibration.problem import Measured, with_unknowns
 from gtpin.data import Dataset
-from gtpin.data.instrument_rows import InstrumentRows
 from gtpin.data.instrument_tables import (
-    EncoderTable,
-    InstrumentTable,
-    PlaneOf,
     PlaneTable,
-    RangeTable,
-    TiltTable,
     TrackerTable,
 )
 from gtpin.data.names import ORIENTATION, POSITION
@@ -37,25 +29,6 @@ from gtpin.robot.chain import Chain
 
 LOOK = "check the order of q1 .. qn, that rows have their own commands, units, and where instrument and target stood"
 """What the user should do where no usual mistake explains the readings."""
-LENGTHS: dict[type[InstrumentTable], tuple[str, ...]] = {
-    TrackerTable: ("x", "y", "z"),
-    RangeTable: ("range",),
-    PlaneTable: ("height",),
-}
-"""Columns of lengths."""
-PLACES = ("stations", "planes", "sockets")
-"""Keys of dataset.toml that have points of the base frame."""
-TILTS: tuple[tuple[str, tuple[str, str], tuple[float, float]], ...] = (
-    ("tilt_x has the other sign", ("tilt_x", "tilt_y"), (-1.0, 1.0)),
-    ("tilt_y has the other sign", ("tilt_x", "tilt_y"), (1.0, -1.0)),
-    ("tilts have the other sign", ("tilt_x", "tilt_y"), (-1.0, -1.0)),
-    ("tilt_x and tilt_y are swapped", ("tilt_y", "tilt_x"), (1.0, 1.0)),
-    ("the sensor is mounted a quarter turn about its z", ("tilt_y", "tilt_x"), (-1.0, 1.0)),
-    ("the sensor is mounted a quarter turn about its z", ("tilt_y", "tilt_x"), (1.0, -1.0)),
-)
-"""Message text, the columns that are read as tilt_x and tilt_y, and their signs."""
-Columns = dict[str, tuple[str, float]]
-"""By a column's name, the column that is read in its place, and the factor by which its numbers are multiplied."""
 
 
 @dataclass(frozen=True)
@@ -87,98 +60,17 @@ class Misfit:
 
     def exceeds(self, reach: float, share: float = 1.0) -> bool:
         """Whether errors are larger than a share of those of robots within their tolerances, which move the TCP by ``reach``,
-        m."""
-        return self.off.get("m", 0.0) > share * reach or self.off.get("rad", 0.0) > share * limits.NO_TURN
+        m, and turn it by 0.2 rad at most (assumed)."""
+        return self.off.get("m", 0.0) > share * reach or self.off.get("rad", 0.0) > share * 0.2
 
     @property
     def size(self) -> float:
-        """The largest of the errors, in units of ``limits.USUAL_ERROR``, and of ``deviation``."""
-        return max(*(off / limits.USUAL_ERROR for off in self.off.values()), self.deviation)
+        """The largest of the errors, in the usual error of a nominal robot (1 mm, 1 mrad), and of ``deviation``."""
+        return max(*(off / 1e-3 for off in self.off.values()), self.deviation)
 
     def __str__(self) -> str:
         unit = max(self.off, key=lambda unit: self.off[unit])
         return f"{1e3 * self.off[unit]:.3g} {'mm' if unit == 'm' else 'mrad'}"
-
-
-@dataclass(frozen=True)
-class Otherwise:
-    """Another way to read an instrument.
-
-    - ``looks``, ``hint``: message texts: what the table looks like, and what the user should do.
-    - ``columns``: columns that are read in another way; else the description is wrong.
-    - ``said``: other values of keys of the description, the first of which is the wrong one.
-    """
-
-    looks: str
-    hint: str
-    columns: Columns = field(default_factory=dict)
-    said: Mapping[str, Any] = field(default_factory=dict)
-
-
-def ways(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[Otherwise]:
-    """Other ways to read an instrument's table: lengths in other units (columns, places and target, alone and together), signs.
-
-    ``index``: of the instrument. ``unit_of_reading``: unit of the instrument's first component, ``m`` or ``rad``.
-    """
-    table = rows.tables[index]
-    mine = rows.rows_of(index)
-    lengths = [name for name in LENGTHS.get(type(table), ()) if name in rows.columns]
-    present = [name for name in lengths if np.isfinite(rows.columns[name][mine]).all()]
-    keys = {key: key for key in PLACES if getattr(table, key, None)}
-    if table.targets or isinstance(table.target, tuple):
-        key = "targets" if table.targets else "target"
-        keys[key] = f"the {key}"
-    for unit, factor in UNITS:
-        parts: list[tuple[str, Columns, dict[str, Any]]] = []
-        if present:
-            parts.append((" ".join(present), _scaled(present, factor), {}))
-        parts += [(name, {}, {key: _in_unit(getattr(table, key), factor)}) for key, name in keys.items()]
-        for count in range(1, len(parts) + 1):
-            for some in combinations(parts, count):
-                names = tuple(part[0] for part in some)
-                verb = "looks" if names in (("range",), ("height",), ("the target",)) else "look"
-                columns = {name: read for _, own, _ in some for name, read in own.items()}
-                said = {key: value for *_, own in some for key, value in own.items()}
-                yield Otherwise(f"{' and '.join(names)} {verb} like {unit}", f"multiply by {factor:g}", columns, said)
-    if "height" in present:
-        hint = "height is positive on the side that the normal points to: change its sign, or the normal's"
-        yield Otherwise("heights are of the other side of the plane", hint, _scaled(["height"], -1.0))
-        hint = "multiply by 1000, if millimetres were converted twice"
-        yield Otherwise("heights look a thousand times too small", hint, _scaled(["height"], 1e3))
-    if isinstance(table, TiltTable):
-        for unit, factor in (("degrees", np.pi / 180.0), ("mm/m", 1e-3)):
-            hint = f"multiply by {factor:.6g}"
-            yield Otherwise(f"tilts look like {unit}", hint, _scaled(["tilt_x", "tilt_y"], factor))
-        whose = f"the frame of {table.link}" if table.link else "the TCP frame"
-        hint = f"tilt_x and tilt_y are along x and y of {whose}, positive where these point up"
-        for looks, (x, y), (sign_x, sign_y) in TILTS:
-            yield Otherwise(looks, hint, {"tilt_x": (x, sign_x), "tilt_y": (y, sign_y)})
-    if isinstance(table, EncoderTable):
-        for sign, and_sign in ((1.0, ""), (-1.0, " of the other sign")):
-            for name, factor in (("degrees", np.pi / 180.0),) if unit_of_reading == "rad" else UNITS:
-                looks, hint = f"readings look like {name}{and_sign}", f"multiply by {sign * factor:.6g}"
-                yield Otherwise(looks, hint, _scaled(["reading"], sign * factor))
-        hint = "readings grow with the joint's coordinate as the URDF has it: multiply by -1"
-        yield Otherwise("readings have the other sign", hint, _scaled(["reading"], -1.0))
-        hint = "subtract the offset from the readings, or declare a larger zero_sigma"
-        yield Otherwise("the zero is farther off than zero_sigma says", hint, said={"zero_sigma": limits.ANY_ZERO})
-    if isinstance(table, TrackerTable) and "qw" in rows.columns:
-        hint = "give qw qx qy qz, the real part first"
-        read = {name: (of, 1.0) for name, of in zip(ORIENTATION, ("qz", "qw", "qx", "qy"), strict=True)}
-        yield Otherwise("quaternions look like xyzw", hint, read)
-
-
-def _scaled(names: list[str], factor: float) -> Columns:
-    return {name: (name, factor) for name in names}
-
-
-def _in_unit(at: Any, factor: float) -> Any:
-    """A point, a plane, or several by their names in another unit; anything else as it is."""
-    if isinstance(at, dict):
-        return {name: _in_unit(one, factor) for name, one in at.items()}
-    if isinstance(at, PlaneOf):
-        return at.model_copy(update={"point": _in_unit(at.point, factor)})
-    return tuple(factor * v for v in at) if isinstance(at, tuple) else at
 
 
 def check_readable(
@@ -200,9 +92,8 @@ def check_readable(
     """
     for i, one in enumerate(readings.instruments):
         now = Misfit.of(readings, poses, i)
-        if not now.exceeds(reach, limits.READ_SUSPECT) and now.deviation <= limits.READ_FAR:
+        if not now.exceeds(reach, limits.READ_SUSPECT) and now.deviation <= 10.0:
             continue
-        file = readings.rows.files[i]
         tried = list(_read_otherwise(readings, poses, i))
         least = min((misfit.size for misfit, *_ in tried), default=np.inf)
         # The first way that is about as good as the best: the usual and simple ones come first.
@@ -214,21 +105,13 @@ def check_readable(
             suspect(error, dataset, _size(fitted(readings, i, True)), _size(fitted(read, i, True)))
         elif now.exceeds(reach):
             check_heights(dataset, readings, poses, reach, fitted)
-            looks, what = (
-                _recognised(readings, nominal, poses, i),
-                f"readings of {one.name} are {now} off what the nominal",
-            )
-            error = DatasetError(
-                f"{what} robot gives{f': {looks.looks}' if looks else ''}",
-                file=file,
-                column=looks.columns if looks else None,
-                hint=looks.hint if looks else "check units, signs, commands, and where instrument and target stood",
-            )
+            what, column = f"readings of {one.name} are {now} off what the nominal robot gives", None
+            hint = "check units, signs, commands, and where instrument and target stood"
+            if looks := _recognised(readings, nominal, poses, i):
+                what, column, hint = f"{what}: {looks.looks}", looks.columns, looks.hint
             after = fitted(readings, i)
-            if after is None or after.exceeds(limits.READ_LEFT * reach):
-                refuse(error, dataset)
-            else:
-                warn(str(error))
+            error = DatasetError(what, file=readings.rows.files[i], column=column, hint=hint)
+            refuse(error, dataset, sure=after is None or after.exceeds(limits.READ_LEFT * reach))
 
 
 def _recognised(readings: Readings, nominal: Model, poses: Poses, index: int) -> Interpretation | None:
@@ -272,7 +155,7 @@ def check_heights(
                 break
 
 
-def _error(dataset: Dataset, readings: Readings, index: int, other: Otherwise, by: str) -> DatasetError:
+def _error(dataset: Dataset, readings: Readings, index: int, other: OfTable, by: str) -> DatasetError:
     """The error of an instrument that must be read in another way. ``by``: what shows it."""
     what = f"{readings.instruments[index].name}: {other.looks} ({by})"
     column = " ".join(other.columns) or f"instrument.{index}.{next(iter(other.said))}"
@@ -297,11 +180,8 @@ def explained(readings: Readings, poses: Poses) -> Iterator[None]:
         if found[worst].size < limits.READ_BETTER:
             raise
         by = f"the nominal robot gives others, by {found[worst]} and {found[worst].deviation:.2g} prior sigmas of its unknowns"
-        raise ConvergenceError(
-            f"readings of {readings.instruments[worst].name} can't be fitted ({error.what}); {by}",
-            file=readings.rows.files[worst],
-            hint=LOOK,
-        ) from None
+        what = f"readings of {readings.instruments[worst].name} can't be fitted ({error.what}); {by}"
+        raise ConvergenceError(what, file=readings.rows.files[worst], hint=LOOK) from None
 
 
 def check_fitted(dataset: Dataset, readings: Readings, poses: Poses, reach: float, before: Sequence[Misfit]) -> None:
@@ -319,22 +199,22 @@ def check_fitted(dataset: Dataset, readings: Readings, poses: Poses, reach: floa
 
 
 def _size(misfit: Misfit | None) -> Size:
-    """Residuals after a fit; `NO_FIT` where it failed, or needs unknowns that can't be."""
-    if misfit is None or misfit.deviation > limits.READ_FARTHEST:
+    """Residuals after a fit; `NO_FIT` where it failed, or needs unknowns more than 30 sigmas from what is declared."""
+    if misfit is None or misfit.deviation > 30.0:
         return NO_FIT
     return misfit.off.get("m", 0.0), misfit.off.get("rad", 0.0)
 
 
 def _read_otherwise(
     readings: Readings, poses: Poses, index: int, *, varied: bool = True
-) -> Iterator[tuple[Misfit, Readings, Otherwise]]:
+) -> Iterator[tuple[Misfit, Readings, OfTable]]:
     """The readings with an instrument that is read in other ways, each with its misfit, without those that are not accepted.
 
     ``varied``: whether numbers that get smaller must still vary by more than the nominal robot's errors.
     """
     rows, unit = readings.rows, readings.instruments[index].components[0].unit
     mine = rows.rows_of(index)
-    for other in ways(rows, index, unit):
+    for other in table_readings(rows, index, unit):
         columns, smaller, spread = dict(rows.columns), False, 0.0
         for name, (of, factor) in other.columns.items():
             column = np.array(rows.columns[name], dtype=float)

@@ -18,7 +18,7 @@ from gtpin.calibration.checks.recognise import expected_errors
 from gtpin.calibration.checks.suspected import refuse, suspect
 from gtpin.calibration.problem import FRAME_UNIT, Measured, Point, Problem, measured_poses, problem_of, rough_frame
 from gtpin.data import Dataset
-from gtpin.errors import DatasetError
+from gtpin.errors import DatasetError, listed
 from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions
@@ -27,8 +27,8 @@ from gtpin.noise.estimate import ENOUGH
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.typing import Floats, Indices, Mask
 
-NEIGHBOURS = ((1, "before"), (-1, "after"))
-"""Shifts of the commands, in rows, that are tried, and the row from which each row then has its commands."""
+OWN = "give these rows a session of their own in the column session, or leave them out"
+"""What the user should do with rows that were measured after a motion of the instrument."""
 
 
 def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: Mask, *, bumps: bool = True) -> None:
@@ -46,9 +46,14 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
     first, last = part.start, part.stop - 1
     off = np.linalg.norm(measured.T - predicted.T, axis=1)
     usual, before = float(np.nanmedian(off[~far])) if not far.all() else 0.0, float(np.nanmedian(off[part]))
-    mended = max(limits.STRETCH_LEFT * before, 3.0 * usual)
+    mended = max(
+        0.1 * before, 3.0 * usual
+    )  # a neighbour's command or a moved frame explains the whole error or nothing
     file, row, rows = dataset.file, int(dataset.row[first]), f"rows {dataset.row[first]} to {dataset.row[last]}"
-    for by, neighbour in NEIGHBOURS:
+    for by, neighbour in (
+        (1, "before"),
+        (-1, "after"),
+    ):  # shift of the commands, and the row from which each row has them
         inner = slice(first + 1, last)  # the ends have no neighbour in the stretch
         left = _median_off(measured.T[inner], np.roll(predicted.T, by, axis=0)[inner])
         if left < mended:
@@ -62,14 +67,13 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
     if left < mended and not own_session(dataset, part):
         what = f"{rows} are {1e3 * before:.3g} mm from where the other rows say, all by the same motion: the instrument was "
         what += "bumped or set up anew"
-        hint = "give these rows a session of their own in the column session, or leave them out"
-        suspect(DatasetError(what, file=file, row=row, hint=hint), dataset, (before, 0.0), (left, 0.0))
+        suspect(DatasetError(what, file=file, row=row, hint=OWN), dataset, (before, 0.0), (left, 0.0))
 
 
 def stretch(far: Mask) -> slice | None:
     """The stretch of rows that contains most of the rows with large errors (``far``); None where these are few or scattered."""
     count = int(far.sum())
-    if count < max(limits.STRETCH_ROWS, limits.STRETCH_SHARE * len(far)):
+    if count < max(limits.STRETCH_ROWS, 0.1 * len(far)):  # scattered gross errors are a tenth at most
         return None
     # The run of largest sum where a far row counts one and another one takes one away (Kadane).
     best, here, start, found = 0, 0, 0, slice(0, 1)
@@ -80,13 +84,8 @@ def stretch(far: Mask) -> slice | None:
         if here > best:
             best, found = here, slice(start, i + 1)
     inside = far[found]
-    if (
-        len(inside) < limits.STRETCH_ROWS
-        or inside.mean() < limits.STRETCH_WITHIN
-        or inside.sum() < limits.STRETCH_WITHIN * count
-    ):
-        return None
-    return found
+    dense = len(inside) >= limits.STRETCH_ROWS and inside.mean() >= 0.6 and inside.sum() >= 0.6 * count
+    return found if dense else None
 
 
 def _median_off(one: Floats, other: Floats) -> float:
@@ -94,14 +93,14 @@ def _median_off(one: Floats, other: Floats) -> float:
 
 
 def own_session(dataset: Dataset, rows: Indices | slice) -> bool:
-    """Whether some rows have sessions of their own, so that effects of sessions can account for them."""
+    """Whether some rows are most of the rows of their sessions, so that effects of sessions can account for them."""
     if "session" not in dataset.covariates:
         return False
     inside = np.zeros(len(dataset), dtype=bool)
     inside[rows] = True
     session = np.unique(dataset.covariates["session"], return_inverse=True)[1]
     share = np.bincount(session, inside) / np.bincount(session)
-    return bool(len(share) > 1 and np.median(share[session[inside]]) > limits.OWN_SESSION)
+    return bool(len(share) > 1 and np.median(share[session[inside]]) > 0.8)
 
 
 @dataclass(frozen=True)
@@ -194,13 +193,13 @@ class FrameScan:
             for k in range(limits.STRETCH_ROWS, count - limits.STRETCH_ROWS + 1)
             if all(abs(k - step) >= limits.STRETCH_ROWS for step in steps)
         ]
-        coarse = np.unique(np.linspace(0, len(allowed) - 1, limits.STEP_GRID).astype(int))
+        coarse = np.unique(np.linspace(0, len(allowed) - 1, 60).astype(int))
 
         def least(places: list[int]) -> int:
             return places[int(np.argmin(self.fitted(np.stack([self.after([*steps, k]) for k in places]))[0]))]
 
         place = least([allowed[i] for i in coarse])
-        return least([k for k in allowed if abs(k - place) <= 1 + count // limits.STEP_GRID])
+        return least([k for k in allowed if abs(k - place) <= 1 + count // 60])
 
 
 def initial_noise(measured: Readings) -> ReadingNoise:
@@ -233,19 +232,19 @@ def check_instrument_steps(dataset: Dataset, problem: Problem, point: Point, noi
             steps = sorted([*steps, scan.next_step(steps)])
             left, (size, *_), (moved, *_) = scan.moved(scan.after(steps))
         rows = scan.rows[steps[0] : steps[1] if len(steps) > 1 else None]
-        small = scan.alone < limits.STEP_RATIO * left or size < limits.STEP_LARGE * np.sqrt(2.0 * left / numbers)
+        # Smaller steps are left to a diagnosis, which compares them with drift and other causes.
+        small = scan.alone < limits.STEP_RATIO * left or size < 4.0 * np.sqrt(2.0 * left / numbers)
         if small or own_session(dataset, rows):
             continue
-        if scan.moved(_alternatives(dataset, scan.rows))[0] < limits.STEP_AHEAD * left:
+        # With 150 poses of six numbers, a ratio of 1.2 is a log likelihood ratio of 80 nats.
+        if scan.moved(_alternatives(dataset, scan.rows))[0] < 1.2 * left:
             continue
         lines = dataset.row[rows]
-        error = DatasetError(
-            f"rows {lines[0]} to {lines[-1]}{words} read {moved * 1e3:.2g} mm off what the others say, all by the same motion: "
-            "the instrument was bumped or set up anew, or a drive's zero moved",
-            file=dataset.file,
-            row=int(lines[0]),
-            hint="give these rows a session of their own in the column session, or leave them out",
+        what = (
+            f"rows {lines[0]} to {lines[-1]}{words} read {moved * 1e3:.2g} mm off what the others say, all by the same "
         )
+        what += "motion: the instrument was bumped or set up anew, or a drive's zero moved"
+        error = DatasetError(what, file=dataset.file, row=int(lines[0]), hint=OWN)
         sigmas = float(noise.sigma[0]), float(noise.sigma[1]) if whole.F.shape[1] == 6 else 0.0
         before, after = ([size * np.sqrt(2.0 * power / numbers) for size in sigmas] for power in (scan.alone, left))
         return suspect(error, dataset, (before[0], before[1]), (after[0], after[1]))
@@ -275,7 +274,7 @@ def check_sessions(dataset: Dataset, nominal: Model, poses: Poses) -> None:
         return
     part, poses = dataset.take(there), poses[there]
     moved = _moved(part, nominal, poses)
-    if limits.SESSION_FAR <= max(moved.values(), default=0.0) < limits.SESSION_BEYOND:
+    if limits.SESSION_FAR <= max(moved.values(), default=0.0) < 0.1:  # m: more is no error of the geometry
         moved = _moved_linear(part, problem_of(part, poses, nominal, free=dataset.instrument.frame == "free"), poses)
     _suspect(dataset, moved, limits.SESSION_FAR)
 
@@ -301,7 +300,7 @@ def _moved_linear(dataset: Dataset, problem: Problem, near: Poses) -> dict[str, 
     scan = FrameScan.of(thin, thin.point(np.zeros(thin.size), near[rows]), initial_noise(thin.measured))
     columns = (sessions[rows, None] == np.array(names[1:])).astype(float)
     left, _, moved = scan.moved(columns)
-    return {} if scan.alone < limits.SESSION_RATIO * left else dict(zip(names, [0.0, *moved.tolist()], strict=True))
+    return {} if scan.alone < 4.0 * left else dict(zip(names, [0.0, *moved.tolist()], strict=True))
 
 
 def _suspect(dataset: Dataset, moved: dict[str, float], least: float) -> None:
@@ -310,16 +309,12 @@ def _suspect(dataset: Dataset, moved: dict[str, float], least: float) -> None:
     far = sorted((name for name in others if moved[name] >= least), key=lambda name: -moved[name])
     if not far:
         return
-    moves = ", ".join(f"{1e3 * moved[name]:.3g} mm in session {name}" for name in far[: limits.NAMED])
-    more = f" and {len(far) - limits.NAMED} more sessions" if len(far) > limits.NAMED else ""
-    error = DatasetError(
-        f"the instrument moved between sessions: from where it stood in session {first} by {moves}{more}",
-        file=dataset.file,
-        column="session",
-        hint='set stations = "session" under [instrument]: the frame of each session is found too; or register the sessions to '
-        "common marks and give all poses in one frame",
-    )
-    refuse(error, dataset)
+    moves = listed([f"{1e3 * moved[name]:.3g} mm in session {name}" for name in far], limits.NAMED)
+    moves += " sessions" * (len(far) > limits.NAMED)
+    what = f"the instrument moved between sessions: from where it stood in session {first} by {moves}"
+    hint = 'set stations = "session" under [instrument]: the frame of each session is found too; or register the sessions to '
+    hint += "common marks and give all poses in one frame"
+    refuse(DatasetError(what, file=dataset.file, column="session", hint=hint), dataset)
 
 
 def _sessions(dataset: Dataset) -> tuple[NDArray[np.str_], list[str]]:
@@ -355,5 +350,6 @@ def _moved(dataset: Dataset, nominal: Model, poses: Poses) -> dict[str, float]:
     }
     some = np.linspace(0, len(poses) - 1, min(len(poses), 100)).astype(int)
     expected = expected_errors(nominal, measured.q[some], poses[some])[0]
-    clear = max(limits.SESSION_CLEAR * float(np.nanmedian(left)), limits.SESSION_EXPECTED * expected)
+    # The best frame for a part of the workspace absorbs errors of the nominal model.
+    clear = max(4.0 * float(np.nanmedian(left)), 3.0 * expected)
     return moved if max(moved.values()) > clear else {}

@@ -1,19 +1,24 @@
-"""Other readings of measured poses, each with a usual mistake corrected: units, axes, signs, orders, conventions."""
+"""The table of other readings of data, each with a usual mistake corrected, and its words: of measured poses (units, axes,
+signs, orders, conventions), of commands (signs, units, orders, couplings, zeros), and of instruments' tables."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
-from itertools import combinations, permutations, product
-from typing import Final, Literal
+from itertools import chain, combinations, permutations, product
+from typing import Any, Final, Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gtpin.data.instrument_rows import InstrumentRows
+from gtpin.data.instrument_tables import EncoderTable, PlaneOf, PlaneTable, RangeTable, TiltTable, TrackerTable
+from gtpin.data.names import ORIENTATION, command_names
 from gtpin.kinematics.rotations import from_quaternions
-from gtpin.typing import Floats
+from gtpin.robot.parameters import TOLERANCE
+from gtpin.typing import Floats, Mask
 
 UNITS = (
     ("millimetres", 1e-3),
@@ -24,15 +29,16 @@ UNITS = (
     ("yards", 0.9144),
 )
 """Units, other than metres, in which lengths are written, and the length of each in metres."""
-AXES, VECTOR = ("x", "y", "z"), ("qx", "qy", "qz")
+DEGREES = (("degrees", np.pi / 180.0),)
+AXES = ("x", "y", "z")
 ONE: Final = np.eye(3)
-Sequence = Literal["xyz", "zyx", "yxz", "xzy", "yzx", "zxy", "XYZ", "ZYX", "zyz", "ZYZ", "zxz", "ZXZ"]
-Convention = Sequence | Literal["rotation vector"]
+Euler = Literal["xyz", "zyx", "yxz", "xzy", "yzx", "zxy", "XYZ", "ZYX", "zyz", "ZYZ", "zxz", "ZXZ"]
+Convention = Euler | Literal["rotation vector"]
 ROTATION_VECTOR: Final = "rotation vector"
 BY_AXIS: tuple[Convention, ...] = (ROTATION_VECTOR, "xyz", "zyx", "yxz", "xzy", "yzx", "zxy")
 """Conventions in which the three numbers belong to x, y and z. An Euler sequence is the order of the rotations about fixed
 axes; about moving axes the reverse order gives the same rotation."""
-BY_ORDER: tuple[Sequence, ...] = ("xyz", "zyx", "XYZ", "ZYX", "zyz", "ZYZ", "zxz", "ZXZ")
+BY_ORDER: tuple[Euler, ...] = ("xyz", "zyx", "XYZ", "ZYX", "zyz", "ZYZ", "zxz", "ZXZ")
 """Conventions in which three angles stand in the order of the rotations: lower case about fixed axes, upper case about moving
 ones (SciPy's names)."""
 
@@ -47,10 +53,10 @@ class Reading:
 
     looks: str
     hint: str
-    mistakes: int
+    mistakes: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Positions(Reading):
     """A way to read x y z: the position is ``matrix @ (x, y, z)``, m; ``axes``: (3, 3) the signed permutation in ``matrix``."""
 
@@ -58,7 +64,7 @@ class Positions(Reading):
     axes: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Rotations(Reading):
     """A way to read rotations: ``R`` (N, 3, 3). ``of_target``: whether only the target's axes on the platform are others."""
 
@@ -69,11 +75,8 @@ class Rotations(Reading):
 @cache
 def signed_permutations() -> tuple[Floats, ...]:
     """All 48 matrices that swap and reverse axes: first the identity, then its negative, then the reversals of one axis."""
-    found = [
-        np.eye(3)[list(p)] * np.array(s)[:, None]
-        for p in permutations(range(3))
-        for s in product((1.0, -1.0), repeat=3)
-    ]
+    ways = product(permutations(range(3)), product((1.0, -1.0), repeat=3))
+    found = [np.eye(3)[list(order)] * np.array(signs)[:, None] for order, signs in ways]
     return tuple(sorted(found, key=lambda m: int((m != ONE).sum()) - 3 * int((m == -ONE).all())))
 
 
@@ -95,16 +98,16 @@ def position_readings(*, turned: bool, alone: bool = False) -> Iterator[Position
         elif turned and s.trace() != 3.0 and (s.trace() != 1.0 or ((s < 0.0).any() and np.abs(s).trace() != 3.0)):
             continue
         for unit, factor in (("", 1.0), *UNITS):
-            more, what = ([f"x y z look like {unit}"], [f"multiply x, y and z by {factor:g}"]) if unit else ([], [])
-            words = [*looks, *more]
-            yield Positions(" and ".join(words), ", ".join([*hint, *what]), len(words), factor * s, s)
+            words = [*looks, *[f"x y z look like {unit}"][: len(unit)]]
+            hints = [*hint, *[f"multiply x, y and z by {factor:g}"][: len(unit)]]
+            yield Positions(" and ".join(words), ", ".join(hints), len(words), matrix=factor * s, axes=s)
     for some in (c for size in (1, 2) for c in combinations(range(3), size)):
         for unit, factor in UNITS[:4]:
             scale = np.eye(3)
             scale[some, some] = factor
             names = " and ".join(AXES[i] for i in some)
             looks_like = f"{names} look{'s' if len(some) == 1 else ''} like {unit} beside metres"
-            yield Positions(looks_like, f"multiply {names} by {factor:g}", 1, scale, ONE)
+            yield Positions(looks_like, f"multiply {names} by {factor:g}", matrix=scale, axes=ONE)
 
 
 def rotation_readings(rotation: Rotation, axes: Floats = ONE, *, turned: bool) -> Iterator[Rotations]:
@@ -114,21 +117,20 @@ def rotation_readings(rotation: Rotation, axes: Floats = ONE, *, turned: bool) -
     that only rotate the frame are left out.
     """
     as_is, wxyz = rotation.as_matrix(), rotation.as_quat(scalar_first=True)
-    yield Rotations("", "", 0, as_is)
+    yield Rotations("", "", 0, R=as_is)
     looks, hint = "the orientations look inverted (conjugated)", "change the signs of qx, qy and qz"
-    yield Rotations(looks, hint, 1, rotation.inv().as_matrix())
+    yield Rotations(looks, hint, R=rotation.inv().as_matrix())
     # (With the scalar first, other orders of the vector part are other axes.)
     for parts in ("xyzw", *("".join(parts) for parts in permutations("wxyz") if parts[0] != "w")):
         read = wxyz[:, [parts.index(part) for part in "wxyz"]]
         hint = "give qw qx qy qz in that order of meaning, scalar first"
-        yield Rotations(order_looks(parts), hint, 1, from_quaternions(read))
+        yield Rotations(order_looks(parts), hint, R=from_quaternions(read))
     handed = np.linalg.det(axes) * axes
     for vector in signed_permutations()[2:]:
         with_axes = bool((vector == handed).all()) and not (axes == ONE).all()
         looks = f"qx qy qz look {'to be so too' if with_axes else 'to be along other axes'}"
-        hint = f"write {_assigned(vector, VECTOR)}"
-        read = np.hstack([wxyz[:, :1], wxyz[:, 1:] @ vector.T])
-        yield Rotations(looks, hint, 0 if with_axes else 1, from_quaternions(read))
+        read = from_quaternions(np.hstack([wxyz[:, :1], wxyz[:, 1:] @ vector.T]))
+        yield Rotations(looks, f"write {_assigned(vector, ORIENTATION[1:])}", int(not with_axes), R=read)
     for s in signed_permutations()[1:]:
         if np.linalg.det(s) < 0.0:
             continue
@@ -138,9 +140,9 @@ def rotation_readings(rotation: Rotation, axes: Floats = ONE, *, turned: bool) -
             if not same:
                 looks = "the orientations look to be in a frame of other axes than the base's"
                 hint = f"turn them by {_turn(s)}, on the left"
-            yield Rotations(looks, hint, 0 if same else 1, s @ as_is)
+            yield Rotations(looks, hint, int(not same), R=s @ as_is)
         looks = "the target's axes look to be others than the TCP's"
-        yield Rotations(looks, f"turn the orientations by {_turn(s)}, on the right", 1, as_is @ s, of_target=True)
+        yield Rotations(looks, f"turn the orientations by {_turn(s)}, on the right", R=as_is @ s, of_target=True)
 
 
 def order_looks(parts: str) -> str:
@@ -161,7 +163,7 @@ def misread(rotation: Rotation) -> Iterator[Rotations]:
         numbers, read = _described(meant, by_axis), _described(taken, by_axis)
         looks = f"the orientations look like {numbers} that were read as {read}"
         R = reread(rotation, taken, meant, by_axis=by_axis).as_matrix()
-        yield Rotations(looks, f"compute qw qx qy qz again, from {numbers}", 1, R)
+        yield Rotations(looks, f"compute qw qx qy qz again, from {numbers}", R=R)
 
 
 def reread(rotation: Rotation, taken: Convention, meant: Convention, *, by_axis: bool) -> Rotation:
@@ -181,18 +183,16 @@ def reread(rotation: Rotation, taken: Convention, meant: Convention, *, by_axis:
 def _described(convention: Convention, by_axis: bool) -> str:
     if convention == ROTATION_VECTOR:
         return "rotation vectors"
-    if by_axis:
-        return f"Euler angles {convention} about fixed axes ({convention[::-1].upper()} about moving axes)"
-    return f"Euler angles {convention} about {'fixed' if convention.islower() else 'moving'} axes"
+    words = f"Euler angles {convention} about {'fixed' if convention.islower() else 'moving'} axes"
+    return f"{words} ({convention[::-1].upper()} about moving axes)" if by_axis else words
 
 
 def _axes_words(s: Floats) -> tuple[list[str], list[str]]:
     if (s == ONE).all():
         return [], []
     if (np.abs(s) == ONE).all():
-        names = [name for name, sign in zip(AXES, np.diag(s), strict=True) if sign < 0.0]
-        listed = ", ".join(names)
-        return [f"{listed} look{'s' if len(names) == 1 else ''} reversed"], [f"change the sign of {listed}"]
+        listed = ", ".join(name for name, sign in zip(AXES, np.diag(s), strict=True) if sign < 0.0)
+        return [f"{listed} look{'s' if len(listed) == 1 else ''} reversed"], [f"change the sign of {listed}"]
     if s.trace() == 1.0 and s.sum() == 3.0:
         a, b = (AXES[i] for i in range(3) if s[i, i] == 0.0)
         return [f"{a} and {b} look swapped"], [f"write {_assigned(s, AXES)}"]
@@ -208,3 +208,199 @@ def _assigned(s: Floats, names: tuple[str, ...]) -> str:
 def _turn(s: Floats) -> str:
     vector = Rotation.from_matrix(s).as_rotvec(degrees=True)
     return f"the rotation vector ({', '.join(f'{v:.0f}' for v in vector + 0.0)}) degrees"
+
+
+@dataclass(frozen=True)
+class CommandReading:
+    """A way to read commands: ``matrix @ q``, plus a fitted zero for each of the columns with the indices ``zeros``.
+
+    ``looks``, ``hints``: the mistakes in ``matrix``, each as the two texts of a message. ``columns``: those that are read in
+    another way.
+    """
+
+    columns: str
+    looks: tuple[str, ...]
+    hints: tuple[str, ...]
+    matrix: Floats
+    zeros: tuple[int, ...] = ()
+
+    @property
+    def mistakes(self) -> int:
+        """Number of mistakes that it assumes."""
+        return len(self.looks) + len(self.zeros)
+
+    def words(self, z: Floats, revolute: Mask) -> tuple[str, str]:
+        """What the commands look like and what the user should do, with zeros z (n,), m or rad."""
+        looks, hints = list(self.looks), list(self.hints)
+        for j in self.zeros:
+            turned = f", {np.degrees(z[j]):+.4g} degrees" if revolute[j] else ""
+            looks.append(f"q{j + 1} looks shifted by {z[j]:+.3g} (the drive's zero{turned})")
+            # A convention differs by whole quarters of a turn: what is beyond is the zero, which a calibration finds.
+            degrees_off = 90.0 * np.round(z[j] / (np.pi / 2.0)) if revolute[j] else 0.0
+            whole = degrees_off != 0.0 and abs(z[j] - np.radians(degrees_off)) < TOLERANCE["zero"]
+            off = np.radians(degrees_off) if whole else z[j]
+            hints.append(f"add {off:.6g} to q{j + 1}" + (f" ({degrees_off:+.0f} degrees)" if whole else ""))
+        return ", and ".join(looks), ", then ".join(hints)
+
+
+def one_mistake(revolute: Mask) -> Iterator[CommandReading]:
+    """Readings with one mistake: one column or all with the other sign or in another unit; two columns swapped; all columns in
+    reverse order, or shifted by one; a joint counted from the one before it; a zero.
+
+    ``revolute``: (n,) whether an actuator turns.
+    """
+    count, one = len(revolute), np.eye(len(revolute))
+    names = command_names(count)
+    for some in [*([i] for i in range(count)), *([list(range(count))] if count > 1 else [])]:
+        columns, look = " ".join(names[i] for i in some), "looks" if len(some) == 1 else "look"
+        turning = DEGREES if revolute[some].all() else ()
+        for unit, factor in (("reversed", -1.0), *(turning if revolute[some].any() else UNITS)):
+            scale = np.ones(count)
+            scale[some] = factor
+            hint = f"change the sign of {columns}" if factor < 0.0 else f"multiply {columns} by {factor:.6g}"
+            looks = f"{columns} {look} {'like ' if factor > 0.0 else ''}{unit}"
+            yield CommandReading(columns, (looks,), (hint,), np.diag(scale))
+    for i, j in combinations(range(count), 2):
+        order = np.arange(count)
+        order[[i, j]] = j, i
+        looks = f"{names[i]} and {names[j]} look swapped"
+        yield CommandReading(f"{names[i]} {names[j]}", (looks,), ("swap them",), one[order])
+    everything = " ".join(names)
+    if count > 3:  # of three, the first and the last are swapped
+        yield CommandReading(everything, ("q1 .. qn look to be in reverse order",), ("reverse them",), one[::-1])
+    for by in (1, -1) if count > 2 else ():
+        order = np.roll(range(count), by)
+        hint = f"write ({', '.join(f'{names[i]} = {names[j]}' for i, j in enumerate(order))})"
+        yield CommandReading(everything, (f"{everything} look shifted by one",), (hint,), one[order])
+    for j in range(1, count):
+        if revolute[j - 1 : j + 1].all():
+            yield from (_of_two(count, (j - 1, j), (1, 1), coupling, ()) for coupling in (1, -1))
+    yield from (CommandReading(names[j], (), (), one, (j,)) for j in range(count))
+
+
+def several_mistakes(revolute: Mask) -> Iterator[CommandReading]:
+    """Readings with several mistakes in two columns: signs, zeros and, of neighbouring joints that turn, a coupling."""
+    count = len(revolute)
+    for pair in combinations(range(count), 2):
+        coupled = pair[1] == pair[0] + 1 and revolute[list(pair)].all()
+        subsets = chain.from_iterable(combinations(pair, k) for k in range(3))
+        for zeros, *signs, coupling in product(subsets, (1, -1), (1, -1), (0, 1, -1) if coupled else (0,)):
+            reading = _of_two(count, pair, (signs[0], signs[1]), coupling, zeros)
+            if reading.mistakes > 1:
+                yield reading
+
+
+def _of_two(
+    count: int, pair: tuple[int, int], signs: tuple[int, int], coupling: int, zeros: tuple[int, ...]
+) -> CommandReading:
+    """The reading with two columns of some signs, and the first one, as it stands, added to or taken from the second one."""
+    matrix, names, looks, hints = np.eye(count), command_names(count), list[str](), list[str]()
+    for j, sign in zip(pair, signs, strict=True):
+        matrix[j, j] = sign
+        if sign < 0:
+            looks.append(f"{names[j]} looks reversed")
+            hints.append(f"change the sign of {names[j]}")
+    if coupling:
+        matrix[pair[1], pair[0]] = coupling
+        one, two = (names[j] for j in pair)
+        total = f"{'-' * (signs[1] < 0)}{two} {'+' if coupling > 0 else '-'} {one}"
+        look = (
+            f"{two} looks counted from a fixed direction (as the horizontal) and not from the link before it: the joint"
+        )
+        looks.append(f"{look} turns by {total}")
+        hints = [*hints[: signs[0] < 0], f"write {total} under {two}"]
+        if signs[0] < 0:
+            hints[0], hints[-1] = f"{hints[-1]} ({one} as it is now)", hints[0]
+    changed = [names[j] for j in pair if j in zeros or (matrix[j] != np.eye(count)[j]).any()]
+    return CommandReading(" ".join(changed), tuple(looks), tuple(hints), matrix, zeros)
+
+
+LENGTHS = {TrackerTable: ("x", "y", "z"), RangeTable: ("range",), PlaneTable: ("height",)}
+"""Columns of lengths."""
+TILTS: tuple[tuple[str, tuple[str, str], tuple[float, float]], ...] = (
+    ("tilt_x has the other sign", ("tilt_x", "tilt_y"), (-1.0, 1.0)),
+    ("tilt_y has the other sign", ("tilt_x", "tilt_y"), (1.0, -1.0)),
+    ("tilts have the other sign", ("tilt_x", "tilt_y"), (-1.0, -1.0)),
+    ("tilt_x and tilt_y are swapped", ("tilt_y", "tilt_x"), (1.0, 1.0)),
+    ("the sensor is mounted a quarter turn about its z", ("tilt_y", "tilt_x"), (-1.0, 1.0)),
+    ("the sensor is mounted a quarter turn about its z", ("tilt_y", "tilt_x"), (1.0, -1.0)),
+)
+"""Message text, the columns that are read as tilt_x and tilt_y, and their signs."""
+Columns = dict[str, tuple[str, float]]
+"""By a column's name, the column that is read in its place, and the factor by which its numbers are multiplied."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfTable(Reading):
+    """Another way to read an instrument's table.
+
+    ``columns``: columns that are read in another way; else the description is wrong. ``said``: other values of keys of the
+    description, the first of which is the wrong one.
+    """
+
+    columns: Columns = field(default_factory=dict)
+    said: Mapping[str, Any] = field(default_factory=dict)
+
+
+def table_readings(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[OfTable]:
+    """Other ways to read an instrument's table: lengths in other units (columns, places and target, alone and together), signs.
+
+    ``index``: of the instrument. ``unit_of_reading``: unit of the instrument's first component, ``m`` or ``rad``.
+    """
+    table, mine = rows.tables[index], rows.rows_of(index)
+    lengths = [name for name in LENGTHS.get(type(table), ()) if name in rows.columns]
+    present = [name for name in lengths if np.isfinite(rows.columns[name][mine]).all()]
+    keys = {key: key for key in ("stations", "planes", "sockets") if getattr(table, key, None)}
+    if table.targets or isinstance(table.target, tuple):
+        key = "targets" if table.targets else "target"
+        keys[key] = f"the {key}"
+    for unit, factor in UNITS:
+        parts: list[tuple[str, Columns, dict[str, Any]]] = []
+        if present:
+            parts.append((" ".join(present), _scaled(present, factor), {}))
+        parts += [(name, {}, {key: _in_unit(getattr(table, key), factor)}) for key, name in keys.items()]
+        for some in chain.from_iterable(combinations(parts, count) for count in range(1, len(parts) + 1)):
+            names = tuple(part[0] for part in some)
+            verb = "looks" if names in (("range",), ("height",), ("the target",)) else "look"
+            columns = {name: read for _, own, _ in some for name, read in own.items()}
+            said = {key: value for *_, own in some for key, value in own.items()}
+            looks = f"{' and '.join(names)} {verb} like {unit}"
+            yield OfTable(looks, f"multiply by {factor:g}", columns=columns, said=said)
+    if "height" in present:
+        hint = "height is positive on the side that the normal points to: change its sign, or the normal's"
+        yield OfTable("heights are of the other side of the plane", hint, columns=_scaled(["height"], -1.0))
+        hint = "multiply by 1000, if millimetres were converted twice"
+        yield OfTable("heights look a thousand times too small", hint, columns=_scaled(["height"], 1e3))
+    if isinstance(table, TiltTable):
+        for unit, factor in (*DEGREES, ("mm/m", 1e-3)):
+            columns = _scaled(["tilt_x", "tilt_y"], factor)
+            yield OfTable(f"tilts look like {unit}", f"multiply by {factor:.6g}", columns=columns)
+        whose = f"the frame of {table.link}" if table.link else "the TCP frame"
+        hint = f"tilt_x and tilt_y are along x and y of {whose}, positive where these point up"
+        for looks, (x, y), (sign_x, sign_y) in TILTS:
+            yield OfTable(looks, hint, columns={"tilt_x": (x, sign_x), "tilt_y": (y, sign_y)})
+    if isinstance(table, EncoderTable):
+        units = DEGREES if unit_of_reading == "rad" else UNITS
+        for (sign, and_sign), (name, factor) in product(((1.0, ""), (-1.0, " of the other sign")), units):
+            looks, columns = f"readings look like {name}{and_sign}", _scaled(["reading"], sign * factor)
+            yield OfTable(looks, f"multiply by {sign * factor:.6g}", columns=columns)
+        hint = "readings grow with the joint's coordinate as the URDF has it: multiply by -1"
+        yield OfTable("readings have the other sign", hint, columns=_scaled(["reading"], -1.0))
+        hint = "subtract the offset from the readings, or declare a larger zero_sigma"
+        yield OfTable("the zero is farther off than zero_sigma says", hint, said={"zero_sigma": 1e3})
+    if isinstance(table, TrackerTable) and "qw" in rows.columns:
+        read = {name: (of, 1.0) for name, of in zip(ORIENTATION, ("qz", "qw", "qx", "qy"), strict=True)}
+        yield OfTable("quaternions look like xyzw", "give qw qx qy qz, the real part first", columns=read)
+
+
+def _scaled(names: Sequence[str], factor: float) -> Columns:
+    return {name: (name, factor) for name in names}
+
+
+def _in_unit(at: Any, factor: float) -> Any:
+    """A point, a plane, or several by their names in another unit; anything else as it is."""
+    if isinstance(at, dict):
+        return {name: _in_unit(one, factor) for name, one in at.items()}
+    if isinstance(at, PlaneOf):
+        return at.model_copy(update={"point": _in_unit(at.point, factor)})
+    return tuple(factor * v for v in at) if isinstance(at, tuple) else at

@@ -10,11 +10,9 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gtpin.calibration.checks import limits
-from gtpin.calibration.checks.commands import CommandReading, CommandSearch, one_mistake, several_mistakes
-from gtpin.calibration.checks.readings import Reading, Rotations, misread, position_readings, rotation_readings
-from gtpin.calibration.free_target import without_target
-from gtpin.calibration.problem import Measured, rough_frame
+from gtpin.calibration.checks import limits, readings
+from gtpin.calibration.checks.commands import CommandSearch
+from gtpin.calibration.problem import Measured, rough_frame, without_target
 from gtpin.data.instrument_tables import Point
 from gtpin.data.names import ORIENTATION
 from gtpin.instruments.frame_and_target import frame_and_target, nearest
@@ -27,8 +25,8 @@ _OF_TCP = ", or move the URDF's tcp link there if the TCP was measured"
 _ELSEWHERE = ("the instrument looks to stand elsewhere than in the base frame", 'set frame = "free" under [instrument]')
 
 
-@dataclass(frozen=True)
-class Interpretation(Reading):
+@dataclass(frozen=True, kw_only=True)
+class Interpretation(readings.Reading):
     """A way to read the data, as they are or with mistakes corrected.
 
     - ``columns``: the columns that have the mistake.
@@ -66,11 +64,12 @@ def recognised(
     the instrument's pose is declared unknown. ``target``: the declared place of the target, TCP frame, m; ``free``: unknown;
     None: at the TCP.
     """
-    some = np.linspace(0, len(poses) - 1, min(len(poses), limits.SEARCH_ROWS)).astype(int)
+    some = np.linspace(0, len(poses) - 1, min(len(poses), 100)).astype(int)
     search = Search(nominal, measured.take(some), poses[some], free, target, failed)
     if search.size == 0.0 or (search.misfit <= search.accepted and not failed):
         return None
-    enough = min(search.misfit / limits.FAR_BETTER, search.accepted)
+    # A wrong geometry, frame or target takes up some part of a mistake, and not nine tenths of it.
+    enough = min(search.misfit / 10.0, search.accepted)
     most = enough if failed else min(search.misfit / limits.BETTER, search.accepted)
     tried = [reading for reading in search.tried(min(enough, search.expected)) if reading.misfit <= most]
     if not tried:
@@ -98,8 +97,8 @@ def recognised(
 def either(words: Iterable[str]) -> str:
     """A list of possibilities as text; it says so where only the first ones are named."""
     different = list(dict.fromkeys(words))
-    more = ["something alike"] * (len(different) > limits.MOST_NAMED)
-    return "; or ".join(different[: limits.MOST_NAMED] + more)
+    more = ["something alike"] * (len(different) > 4)  # of a delta, four are usual: three swaps and a frame
+    return "; or ".join(different[:4] + more)
 
 
 def expected_errors(nominal: Model, q: Floats, poses: Poses) -> tuple[float, float]:
@@ -146,9 +145,9 @@ class Search:
         return _size(self.poses)
 
     @cached_property
-    def _misread(self) -> list[Rotations]:
+    def _misread(self) -> list[readings.Rotations]:
         """Rotations whose numbers were converted by another convention."""
-        return [] if self.rotation is None else list(misread(self.rotation))
+        return [] if self.rotation is None else list(readings.misread(self.rotation))
 
     @property
     def lost(self) -> bool:
@@ -190,7 +189,7 @@ class Search:
 
         Within the tolerances, a geometry looks much like another frame.
         """
-        return self.failed or self.misfit > self.fits + limits.BEYOND_EXPECTED * self.expected
+        return self.failed or self.misfit > self.fits + 3.0 * self.expected
 
     def tried(self, enough: float) -> Iterator[Interpretation]:
         """All readings that can be compared with the model.
@@ -207,11 +206,12 @@ class Search:
         if self.far:
             others += self._targets(self.free)
         yield from others
-        if self.nominal.kinematics.loops.count and self.nominal.robot.n_actuators > limits.FEW_DRIVES:
+        # The number of readings grows with the square of the drives, and a pose of six loops takes ten times that of an arm.
+        if self.nominal.kinematics.loops.count and self.nominal.robot.n_actuators > 2:
             return
         for turned in dict.fromkeys((self.free, True)):
             if all(r.misfit > enough or r.mistakes > 1 for r in (*found, *others)):
-                several = list(self._commands(several_mistakes(self.nominal.robot.revolute), turned))
+                several = list(self._commands(readings.several_mistakes(self.nominal.robot.revolute), turned))
                 others += several
                 yield from several
 
@@ -220,7 +220,7 @@ class Search:
         yield from measured
         # Where the orientations alone must be read otherwise, the positions show that the commands are right.
         if not any(r.misfit <= self.accepted and r.columns == " ".join(ORIENTATION) for r in measured):
-            yield from self._commands(one_mistake(self.nominal.robot.revolute), turned)
+            yield from self._commands(readings.one_mistake(self.nominal.robot.revolute), turned)
 
     def _read(
         self,
@@ -237,8 +237,10 @@ class Search:
         if elsewhere:
             columns = columns if looks else "x y z"
             looks, hint = (f"{b}, and {a}" if a else b for a, b in zip((looks, hint), _ELSEWHERE, strict=True))
+            mistakes += 1
+        misfit = misfit if looks else np.inf
         return Interpretation(
-            looks, hint, mistakes + elsewhere, columns, measured, poses, misfit if looks else np.inf, elsewhere
+            looks, hint, mistakes, columns=columns, measured=measured, poses=poses, misfit=misfit, elsewhere=elsewhere
         )
 
     def _measurements(self, turned: bool) -> Iterator[Interpretation]:
@@ -248,7 +250,7 @@ class Search:
         if self.lost:
             return
         near = min(self.misfit / limits.BETTER, self.accepted)
-        for p in position_readings(turned=turned, alone=rotation is None):
+        for p in readings.position_readings(turned=turned, alone=rotation is None):
             T = self.measured.T @ p.matrix.T
             seen = self._seen(poses, Measured(q, T, None), turned)
             if float(np.median(np.linalg.norm(T - seen.T, axis=1))) > near:
@@ -257,7 +259,7 @@ class Search:
             if rotation is None:
                 yield self._read((columns, p.looks, p.hint, p.mistakes), Measured(q, T, None), poses, turned)
                 continue
-            for o in (*rotation_readings(rotation, p.axes, turned=turned), *self._misread):
+            for o in (*readings.rotation_readings(rotation, p.axes, turned=turned), *self._misread):
                 if self.free_tool and o.of_target:  # other axes of the target are a free target
                     continue
                 mount = nearest((np.swapaxes(seen.R, 1, 2) @ o.R).sum(axis=0)) if self.free_target else np.eye(3)
@@ -272,14 +274,14 @@ class Search:
             what = "the poses look inverted (the instrument in the target's frame)"
             yield self._read(("x y z qw qx qy qz", what, "give the inverse of each", 1), inverse, poses, turned)
 
-    def _commands(self, readings: Iterable[CommandReading], turned: bool) -> Iterator[Interpretation]:
+    def _commands(self, ways: Iterable[readings.CommandReading], turned: bool) -> Iterator[Interpretation]:
         """Readings of the commands, with zeros of drives that are fitted to what was measured."""
         # For poses that are close together, other commands look like a geometry within its tolerances.
         if not self.far:
             return
         kinematics = self.nominal.kinematics
         search = CommandSearch(kinematics, self.all, self.size, turned, self.free_target, self.at)
-        for misfit, reading, z in search.found(readings):
+        for misfit, reading, z in search.found(ways):
             q = self.all.q @ reading.matrix.T + z
             poses = self._of_target(kinematics.forward(q))
             there = poses.reached

@@ -15,8 +15,9 @@ from gtpin.calibration.checks import limits
 from gtpin.calibration.fit_state import FitState
 from gtpin.data import Dataset
 from gtpin.data.plausible import named_poses
-from gtpin.errors import ConvergenceError, DatasetError, warn
+from gtpin.errors import ConvergenceError, DatasetError, listed, warn
 from gtpin.model.departures import ParameterOrZero, with_zeros
+from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats, Mask
 
 Size = tuple[float, float]
@@ -35,32 +36,30 @@ def suspect(error: DatasetError, dataset: Dataset, before: Size, after: Size, *,
     """Raise the error of a suspected mistake, or warn of it.
 
     ``before``, ``after``: what a fit leaves of the data as they are, and with the mistake corrected. ``exact``: whether
-    residuals that fall from above the declared noise to exactly this noise are enough: for a correction with few free
-    numbers that no effect looks like.
+    residuals that fall from above twice the declared noise to exactly this noise (at most 1.1 times) are enough: for a
+    correction with few free numbers that no effect looks like. An effect has another pattern, so that more would be left.
 
-    Raises `DatasetError` if the data can't be fitted as they are, and can with the mistake corrected; not for trusted data.
-    Warns: otherwise, if the correction makes the residuals smaller.
+    Raises `DatasetError` if the data can't be fitted as they are (more than 10 times the noise is left), and can with the
+    mistake corrected (3 times at most, for effects that are not fitted, or a tenth, which only a mistake can; a fourth, where
+    no effect leaves what is left); not for trusted data. All these factors are assumed.
+    Warns: otherwise, if the correction makes the residuals smaller by a fifth.
     """
     known = (dataset.instrument.position_sigma, dataset.instrument.orientation_sigma)
     noise = [
         min(usual, max(left, least)) if sigma is None else sigma
-        for sigma, usual, left, least in zip(known, limits.USUAL_NOISE, after, limits.LEAST_NOISE, strict=True)
+        for sigma, usual, left, least in zip(known, limits.USUAL_NOISE, after, (1e-6, 1e-6), strict=True)
     ]
     now, then = (max(size / sigma for size, sigma in zip(sizes, noise, strict=True)) for sizes in (before, after))
     beyond = any(size > most for size, most in zip(before, limits.NO_EFFECT, strict=True))
-    certain = (
-        now > limits.UNFIT
-        and np.isfinite(then)
-        and then <= max(limits.FITTED, now / (limits.LOWER if beyond else limits.FAR_LOWER))
-    )
+    certain = now > 10.0 and np.isfinite(then) and then <= max(3.0, now / (4.0 if beyond else 10.0))
     if exact and not certain:
         seen = [(b / s, a / s) if s else (0.0, np.inf) for b, a, s in zip(before, after, known, strict=True) if b > 0.0]
-        certain = all(left <= limits.EXACT for _, left in seen) and any(size > limits.ABOVE for size, _ in seen)
+        certain = all(left <= 1.1 for _, left in seen) and any(size > 2.0 for size, _ in seen)
     if certain and not dataset.trusted:
         raise error
     left = ""
     if np.isfinite(before).all():
-        if then > limits.NO_BETTER * now:
+        if then > 0.8 * now:
             return
         left = f": a fit leaves {_sizes(before)} of the data as they are, {_sizes(after)} if it is so"
     warn(f"{error} {UNCERTAIN}, so that the data are used as they are{left})")
@@ -73,15 +72,14 @@ def recalled(texts: list[str]) -> Iterator[None]:
         yield
     except (ConvergenceError, DatasetError) as error:
         suspicions = [text.partition(UNCERTAIN)[0].strip() for text in dict.fromkeys(texts) if UNCERTAIN in text]
-        if not suspicions:
-            raise
-        hint = "; ".join([*([error.hint] if error.hint else []), f"suspected: {', '.join(suspicions)}"])
-        raise type(error)(error.what, file=error.file, row=error.row, column=error.column, hint=hint) from None
+        if suspicions:
+            error.hint = "; ".join(filter(None, (error.hint, f"suspected: {', '.join(suspicions)}")))
+        raise
 
 
-def refuse(error: DatasetError, dataset: Dataset) -> None:
-    """Raise the error of data that can't be fitted as they are, or only warn of it for a trusted dataset."""
-    if not dataset.trusted:
+def refuse(error: DatasetError, dataset: Dataset, *, sure: bool = True) -> None:
+    """Raise the error of data that can't be fitted as they are; only warn if that is not ``sure``, or the data are trusted."""
+    if sure and not dataset.trusted:
         raise error
     warn(str(error))
 
@@ -112,19 +110,21 @@ def far_from_declared(values: Floats, names: Sequence[str], unit: str) -> str:
     """
     far = np.flatnonzero(np.abs(values) > limits.FAR_FROM_PRIOR)
     order = far[np.argsort(-np.abs(values[far]))]
-    more = f" and {len(order) - limits.NAMED} more" if len(order) > limits.NAMED else ""
-    return ", ".join(f"{names[i]} ({values[i]:+.0f} {unit})" for i in order[: limits.NAMED]) + more
+    return listed([f"{names[i]} ({values[i]:+.0f} {unit})" for i in order], limits.NAMED)
 
 
-def warn_of_far_parameters(
-    settled: FitState, tolerance: Floats, anywhere: Mask | bool = False, told: bool = False
-) -> None:
+def about_track(geometry: Geometry) -> Mask:
+    """(p,) rotations of measured tracks about themselves: they depend on where targets were on carts, and are no errors."""
+    return np.array([p.kind == "track_direction" and p.component == 2 for p in geometry.parameters], dtype=bool)
+
+
+def warn_of_far_parameters(settled: FitState, tolerance: Floats, told: bool = False) -> None:
     """Warn of the geometry's parameters that are far from nominal; of joints whose zero explains it, by the zero.
 
-    ``tolerance``: (p,) unit of the deviations, before tolerances were widened. ``anywhere``: (p,) parameters that may have any
-    value. ``told``: whether the zeros are told already.
+    ``tolerance``: (p,) unit of the deviations, before tolerances were widened. ``told``: whether the zeros are told already.
     """
     fitted = settled.fit.point.model.geometry
+    anywhere = about_track(fitted)
     far = np.where(anywhere, 0.0, fitted.deviation / tolerance)
     if not far_from_declared(far, fitted.names, "tolerances"):
         return

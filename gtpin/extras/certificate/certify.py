@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtpin.calibration.checks.before_fit import plausible_rows
-from gtpin.calibration.checks.prepared import known_noise, prepared
+from gtpin.calibration.checks.before_fit import known_noise, plausible_rows, prepared
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
 from gtpin.data.duplicates import copies

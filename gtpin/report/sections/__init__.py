@@ -14,7 +14,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
-from gtpin.calibration.checks.prepared import with_positions
+from gtpin.calibration.checks.before_fit import with_positions
 from gtpin.calibration.result import Calibration
 from gtpin.data import Dataset
 from gtpin.diagnosis.result import Diagnosis
