@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -25,9 +26,10 @@ from gtpin.report.calibration_text import (
     unseen_words,
     visits_over_declared,
 )
+from gtpin.report.fit import FitPresentation
 from gtpin.report.geometry import geometry_line, geometry_table, point_of
-from gtpin.report.page import Lead, Table, provenance
-from gtpin.report.sections import FitPresentation
+from gtpin.report.page import Lead, Section
+from gtpin.report.sections import sections
 from gtpin.report.sections.parameters import parameter_table
 from gtpin.report.sketch import drawing
 from gtpin.report.steps import calibration_steps
@@ -73,10 +75,10 @@ class CalibrationPresentation(FitPresentation):
             warnings=c.warnings,
         )
 
-    @property
-    def origin(self) -> Table:
-        """Versions and digests."""
-        return provenance(self.dataset, self.calibration.model.robot)
+    @cached_property
+    def sections(self) -> Sequence[Section]:
+        """The sections of the page."""
+        return sections(self)
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter: ``value sigma low high unit nominal tolerance learned``, by its name."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -21,11 +21,12 @@ from gtpin.report.calibration import UNKNOWN
 from gtpin.report.calibration_text import IN_DOUBT, best_frame, nominal_words
 from gtpin.report.effect_curves import curve_drawing, drawn_curves
 from gtpin.report.figure import alone
+from gtpin.report.fit import FitPresentation
 from gtpin.report.geometry import geometry_line, geometry_table, point_of
 from gtpin.report.next_experiment import FOLDER, write_experiments
-from gtpin.report.page import Lead, Table, provenance
+from gtpin.report.page import Lead, Section, Table
 from gtpin.report.phrases import cause_rows, named, parameter_rows, reason_words
-from gtpin.report.sections import FitPresentation
+from gtpin.report.sections import sections
 from gtpin.report.sections.data import gap_method
 from gtpin.report.sketch import drawing
 from gtpin.report.steps import steps
@@ -93,10 +94,10 @@ class DiagnosisPresentation(FitPresentation):
             warnings=d.warnings,
         )
 
-    @property
-    def origin(self) -> Table:
-        """Versions, seed and digests."""
-        return provenance(self.dataset, self.diagnosis.model.robot, self.diagnosis.seed)
+    @cached_property
+    def sections(self) -> Sequence[Section]:
+        """The sections of the page."""
+        return sections(self)
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter of each cause."""

@@ -205,9 +205,10 @@ def test_a_page_finds_every_colour_of_its_figures_by_its_value():
 
 
 @pytest.mark.slow
-def test_a_marked_function_is_a_section_at_its_place_of_every_page(single, monkeypatch):
-    monkeypatch.setattr(sections, "_SECTIONS", [*sections._SECTIONS])
-    sections.section(65)(lambda reported: page.Section("own", "My own", [f"{len(reported.dataset)} measurements"]))
+def test_a_function_of_the_list_is_a_section_at_its_place_of_every_page(single, monkeypatch):
+    some = [*sections.SECTIONS]
+    some.insert(6, lambda reported: page.Section("own", "My own", [f"{len(reported.dataset)} measurements"]))
+    monkeypatch.setattr(sections, "SECTIONS", some)
     for reported in (CalibrationPresentation(single.baseline), DiagnosisPresentation(single)):
         found = [one.id for one in sections.sections(reported)]
         assert found[found.index("own") - 1 :][:3] == ["maps", "own", "covariates"]

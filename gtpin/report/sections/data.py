@@ -13,16 +13,15 @@ from gtpin.data.names import lookalikes
 from gtpin.diagnosis.gap import BLOCK_POSES, PREDICTED_POSES
 from gtpin.diagnosis.result import Diagnosis, Gap
 from gtpin.report.calibration_text import cannot_judge, noise_words, repeatability_words, scatters
+from gtpin.report.fit import FitPresentation
 from gtpin.report.page import Block, Fold, Heading, Section, Table
 from gtpin.report.residuals import columns_of
-from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import counted, covariate_unit, joined, length, number_word, quantity, whole, with_unit
 
 ALIKE = 0.02
 """Largest relative difference of two noise floors that count as equal."""
 
 
-@section(130)
 def data(r: FitPresentation) -> Section:
     """Facts about the data, the poses that were set aside, and ranges; of a diagnosis, how its gap is computed."""
     c, d = r.calibration, r.diagnosis
