@@ -311,7 +311,7 @@ def report(title: str, lead: Lead, sections: Sequence[Section], provenance: Tabl
         lead=lead,
         sections=sections,
         contents=links,
-        embedded=lambda some: [by_plot[id(plot)] for plot in some] if library else [],
+        embedded=lambda plot: by_plot[id(plot)],
         drawn=library is not None or not plots,
         scripts=scripts,
         script_hashes=[f"'sha256-{one}'" for one in hashes],

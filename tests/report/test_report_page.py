@@ -177,9 +177,9 @@ def test_numbers_that_are_none_are_gaps_and_no_text_ends_a_script():
     made = Drawing([{"y": np.array([1.0, np.nan, np.inf])}], {"title": {"text": "</script><!--"}})
     shared = Shared()
     embedded = shared.embed(Plot("a", "a", lambda: made))
-    written = str(embedded.json) + str(shared.json)
+    written = str(embedded) + str(shared.json)
     assert "</script" not in written
-    (drawn,) = json.loads(str(embedded.json))["figures"]
+    (drawn,) = json.loads(str(embedded))["figures"]
     assert resolved(drawn, shared)["data"][0]["y"] == [1.0, None, None]
 
 
@@ -193,7 +193,7 @@ def test_a_page_has_a_figure_for_each_combination_of_choices_and_every_array_onc
 
     shared = Shared()
     embedded = shared.embed(Plot("p", "p", draw, (layer, side)))
-    told = json.loads(str(embedded.json))
+    told = json.loads(str(embedded))
     assert told["follows"] == [["layer", 2], ["side", 2]]
     drawn = [resolved(one, shared)["data"][0]["y"][3] for one in told["figures"]]
     assert drawn == [3.0, 9.0, 6.0, 18.0]
