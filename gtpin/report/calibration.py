@@ -12,11 +12,9 @@ import numpy as np
 
 from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.result import Calibration
-from gtpin.model.departures import departures, track_differences
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
 from gtpin.report.calibration_text import (
-    IN_DOUBT,
     best_frame,
     cannot_judge,
     elsewhere,
@@ -27,7 +25,7 @@ from gtpin.report.calibration_text import (
     visits_over_declared,
 )
 from gtpin.report.fit import FitPresentation
-from gtpin.report.geometry import geometry_line, geometry_table, point_of
+from gtpin.report.geometry import geometry_words
 from gtpin.report.page import Lead, Section
 from gtpin.report.sections import sections
 from gtpin.report.sections.parameters import parameter_table
@@ -60,17 +58,17 @@ class CalibrationPresentation(FitPresentation):
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, and what to do."""
         c, q = self.calibration, self.dataset.q
-        found, apart = ((), ()) if c.model.doubt else (departures(c.model, q), track_differences(c.model))
+        geometry, table = geometry_words(c.model, q)
         tone, badge, headline, advice = _verdict(c)
         return Lead(
             f"{self.title} · {len(c.names)} parameters from {c.poses} measurements",
-            "\n".join(filter(None, (geometry_line(found, apart, point_of(c.model)), headline))),
+            "\n".join(filter(None, (geometry, headline))),
             [*advice, *elsewhere(c), *exact_scales(c)],
             _numbers(c),
             badge,
             tone,
             drawing(c.model, q.mean(axis=0)),
-            content=geometry_table(found, point_of(c.model)),
+            content=table,
             steps=calibration_steps(c),
             warnings=c.warnings,
         )
@@ -113,7 +111,7 @@ class CalibrationPresentation(FitPresentation):
 def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
     """Tone, badge, headline and advice."""
     if c.model.doubt:
-        return "warn", "geometry in doubt", IN_DOUBT, [f"{c.model.doubt[:1].upper()}{c.model.doubt[1:]}."]
+        return "warn", "geometry in doubt", "", [f"{c.model.doubt[:1].upper()}{c.model.doubt[1:]}."]
     if c.worse:
         return "bad", "worse than nominal", f"{c.worse[0].upper()}{c.worse[1:]}.", []
     if not c.explained:

@@ -77,10 +77,6 @@ def lost(c: Calibration) -> list[InstrumentFit]:
     return [one for one in c.by_instrument if one.left_out > max(one.before, PRIORS.silent * one.floor)]
 
 
-IN_DOUBT = "The geometry is in doubt: the target does not look to be where it is declared."
-"""Headline of a calibration that has a doubt, in the place of its parameters."""
-
-
 def best_frame(c: Calibration) -> str:
     """That the error of the nominal geometry is after a fit of the instrument's frame, where that is free, or of other unknowns
     of the instruments; or nothing."""

@@ -13,16 +13,16 @@ import numpy as np
 from gtpin.diagnosis.result import Cause, Diagnosis, Gap, HealthCheck, Member
 from gtpin.effects.sites import joints
 from gtpin.errors import GtpinError
-from gtpin.model.departures import departures, track_differences
+from gtpin.model.departures import departures
 from gtpin.model.model import Model
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import fields, json_text
 from gtpin.report.calibration import UNKNOWN
-from gtpin.report.calibration_text import IN_DOUBT, best_frame, nominal_words
+from gtpin.report.calibration_text import best_frame, nominal_words
 from gtpin.report.effect_curves import curve_drawing, drawn_curves
 from gtpin.report.figure import alone
 from gtpin.report.fit import FitPresentation
-from gtpin.report.geometry import geometry_line, geometry_table, point_of
+from gtpin.report.geometry import geometry_words
 from gtpin.report.next_experiment import FOLDER, write_experiments
 from gtpin.report.page import Lead, Section, Table
 from gtpin.report.phrases import cause_rows, named, parameter_rows, reason_words
@@ -68,26 +68,20 @@ class DiagnosisPresentation(FitPresentation):
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, the causes, and what to do."""
         d = self.diagnosis
-        doubt, point = d.baseline.model.doubt, point_of(d.model)
-        said, found = verdict(d), () if doubt else departures(d.model, d.dataset.q)
+        said, doubt, (geometry, table) = verdict(d), d.model.doubt, geometry_words(d.model, d.dataset.q)
         # Without a gap, a free motion of a part explains nothing.
         shares = () if d.verdict == "none" else (d.where.site, [c.site for c in d.causes])
         head = ("cause", "probability", "parameters", "part of the gap")
         return replace(
             said,
-            headline="\n".join(
-                filter(
-                    None,
-                    (IN_DOUBT if doubt else geometry_line(found, track_differences(d.model), point), said.headline),
-                )
-            ),
+            headline="\n".join(filter(None, (geometry, said.headline))),
             advice=[*([f"{doubt[:1].upper()}{doubt[1:]}."] if doubt else []), *said.advice],
             numbers=_numbers(d),
             sketch=drawing(d.model, d.dataset.q.mean(axis=0), *shares),
             caption=f"{SHADES}{' Blue: the sites of the causes.' if d.causes else ''}" if shares else "",
             content=[
                 *why_content(d),
-                *geometry_table(found, point),
+                *table,
                 *([Table(head, cause_rows(d), (1,), wide=(0, 2))] if d.causes else []),
             ],
             steps=steps(d),

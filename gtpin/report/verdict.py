@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 
@@ -30,14 +30,7 @@ from gtpin.report.phrases import (
     sentence,
     sure_and_doubtful,
 )
-from gtpin.report.words import (
-    coordinate_words,
-    joined,
-    length,
-    percent,
-    quantity,
-    site_words,
-)
+from gtpin.report.words import coordinate_words, joined, length, percent, quantity, site_words
 
 TONES = {"none": "good", "explained": "accent", "ambiguous": "warn", "unknown": "mystery"}
 """Colour of the badge, by verdict."""
@@ -55,10 +48,12 @@ def verdict(d: Diagnosis) -> Lead:
     """The verdict of a diagnosis in words: a badge with its colour, a headline of at most two lines, and advice."""
     by_verdict = {"none": _none, "explained": _explained, "ambiguous": _ambiguous, "unknown": _unknown}
     headline, advice = by_verdict[d.verdict](d)
+    if small := joined([f"{site_words(one.site)} ({length(one.rms)})" for one in d.also]):
+        advice = [*advice, f"Small and undecided, without influence on the verdict: {small}."]
     return Lead(
         f"Diagnosis of {d.model.robot.name} · {len(d.dataset)} measurements",
         "\n".join(headline),
-        [words for words in (*advice, *also(d), agreed(d), undeclared(d), *questions(d), untested(d)) if words],
+        [words for words in (*advice, *_on_noise(d), *questions(d), untested(d)) if words],
         badge=badge(d) or ("too few poses" if too_few(d) else "geometry alone"),
         tone="warn" if may_hide(d) or scattered(d) or too_few(d) else TONES[d.verdict],
     )
@@ -95,27 +90,17 @@ def scattered(d: Diagnosis) -> bool:
     return d.verdict == "none" and (drives or d.noise_ratio > PRIORS.understated)
 
 
-def also(d: Diagnosis) -> list[str]:
-    """A sentence for all that is weak and undecided."""
-    small = joined([f"{site_words(one.site)} ({length(one.rms)})" for one in d.also])
-    return [f"Small and undecided, without influence on the verdict: {small}."] if small else []
-
-
-def agreed(d: Diagnosis) -> str:
-    """That visits agree with the declared noise after all, where they did not before the causes; else empty."""
-    agree = d.causes and d.noise_source == "declared" and d.noise_ratio == 1.0
-    words = "With the causes, repeated visits agree with the declared noise."
-    return words if agree and visits_over_declared(d.baseline) > 1.0 else ""
-
-
-def undeclared(d: Diagnosis) -> str:
-    """Where no sigma is declared, that the noise is that of repeated visits, with the machine's scatter in it; else empty."""
-    if d.baseline.noise.source != "repeats" or not d.baseline.noise.estimated.all() or any(overruled(d.baseline)):
-        return ""
-    return (
-        "No sigma is declared: the noise is that of repeated visits, and the scatter of the machine is in it. "
-        "Declare the sigma in dataset.toml for what is expected of the machine alone."
-    )
+def _on_noise(d: Diagnosis) -> Iterator[str]:
+    """That visits agree with the declared noise after all, where they did not before the causes; and, where no sigma is
+    declared, that the noise is that of repeated visits."""
+    declared, noise = d.noise_source == "declared" and d.noise_ratio == 1.0, d.baseline.noise
+    if d.causes and declared and visits_over_declared(d.baseline) > 1.0:
+        yield "With the causes, repeated visits agree with the declared noise."
+    if noise.source == "repeats" and noise.estimated.all() and not any(overruled(d.baseline)):
+        yield (
+            "No sigma is declared: the noise is that of repeated visits, and the scatter of the machine is in it. "
+            "Declare the sigma in dataset.toml for what is expected of the machine alone."
+        )
 
 
 def untested(found: Findings) -> str:
