@@ -21,8 +21,6 @@ from gtpin.typing import Floats
 SHOWN = 8
 """Largest number of listed correlations and unobservable directions."""
 SOURCES = {"declared": "as declared", "repeats": "from repeated visits", "residuals": "from the residuals"}
-NAMED = 3
-"""Largest number of parameters that a sentence names."""
 WHAT = {
     "touches": "touches of a plane whose normal is along {axis}",
     "distances": "distances from one station, by a draw wire or a ball bar,",
@@ -209,7 +207,7 @@ def _sentence(geometry: Geometry, direction: Floats, sigma: float) -> str:
     order = np.argsort(-np.abs(direction))
     direction = direction * np.sign(direction[order[0]])
     sizes = direction * geometry.tolerance * sigma
-    named = [f"{geometry.names[i]} by {_amount(sizes[i], geometry.parameters[i].unit)}" for i in order[:NAMED]]
+    named = [f"{geometry.names[i]} by {_amount(sizes[i], geometry.parameters[i].unit)}" for i in order[:3]]
     listed = ", ".join(named)
     if _is_growth(geometry, direction):
         return f"The scale of the machine is not determined: all its lengths can change in proportion ({listed}, ...), 1 sigma."

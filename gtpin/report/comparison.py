@@ -38,7 +38,6 @@ COLORS = {1: SOFT, 2: WARN, 3: ACCENT, 4: GOOD, 5: FIT}
 FIGURES = {"mean_um": "mean", "rms_um": "root mean square", "max_um": "largest"}
 ANGLES = PlotChoice("angle", "Angle", (("alpha", "alpha"), ("beta", "beta"), ("gamma", "gamma")))
 """ZYZ Euler angles."""
-UNKNOWN = (float("nan"), float("nan"))
 
 
 @dataclass(frozen=True)
@@ -116,7 +115,7 @@ def _errors(c: Comparison) -> Section:
     head = ["model", "what it is", "mean (µm)", "95 %", "rms (µm)", "largest (µm)", "orientation, rms (mrad)", "poses"]
     rows = []
     for held, ends in zip(c.held, c.intervals(), strict=True):
-        f, (low, high) = held.figures(), ends["mean_um"] or UNKNOWN
+        f, (low, high) = held.figures(), ends["mean_um"] or (np.nan, np.nan)
         mean, rms, most = (f"{f[name]:.0f}" for name in FIGURES)
         turned = "" if f["orientation_rms_mrad"] is None else f"{f['orientation_rms_mrad']:.3f}"
         about = [str(held.model), MODELS[held.model], mean, whole(f"{low:.0f} to {high:.0f}")]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gtpin.diagnosis.result import Cause, Diagnosis, Gap, HealthCheck, Member
+from gtpin.diagnosis.result import Diagnosis, Gap, HealthCheck, Member
 from gtpin.effects.sites import joints
 from gtpin.errors import GtpinError
 from gtpin.model.departures import departures
@@ -41,10 +41,6 @@ if TYPE_CHECKING:
 
 DIAGNOSIS = ("baseline", "model", "diagnosis.json", "report.html", FOLDER)
 """Names of the files of a diagnosis's folder."""
-SHADES = "Redder: a free motion of this part alone explains the errors better."
-"""Text below the sketch."""
-COLUMNS = ("effect", "site", "probability", "shrinkage", "parameter", "value", "sigma", "low", "high", "unit")
-"""Columns of the table of causes."""
 
 
 @dataclass(frozen=True)
@@ -71,19 +67,16 @@ class DiagnosisPresentation(FitPresentation):
         said, doubt, (geometry, table) = verdict(d), d.model.doubt, geometry_words(d.model, d.dataset.q)
         # Without a gap, a free motion of a part explains nothing.
         shares = () if d.verdict == "none" else (d.where.site, [c.site for c in d.causes])
-        head = ("cause", "probability", "parameters", "part of the gap")
+        blue = " Blue: the sites of the causes." if d.causes else ""
+        causes = Table(("cause", "probability", "parameters", "part of the gap"), cause_rows(d), (1,), wide=(0, 2))
         return replace(
             said,
             headline="\n".join(filter(None, (geometry, said.headline))),
             advice=[*([f"{doubt[:1].upper()}{doubt[1:]}."] if doubt else []), *said.advice],
             numbers=_numbers(d),
             sketch=drawing(d.model, d.dataset.q.mean(axis=0), *shares),
-            caption=f"{SHADES}{' Blue: the sites of the causes.' if d.causes else ''}" if shares else "",
-            content=[
-                *why_content(d),
-                *table,
-                *([Table(head, cause_rows(d), (1,), wide=(0, 2))] if d.causes else []),
-            ],
+            caption=f"Redder: a free motion of this part alone explains the errors better.{blue}" if shares else "",
+            content=[*why_content(d), *table, *([causes] if d.causes else [])],
             steps=steps(d),
             warnings=d.warnings,
         )
@@ -102,7 +95,8 @@ class DiagnosisPresentation(FitPresentation):
             for c in self.diagnosis.causes
             for name, e in c.parameters.items()
         ]
-        return pd.DataFrame(rows, columns=list(COLUMNS))
+        columns = ["effect", "site", "probability", "shrinkage", "parameter", "value", "sigma", "low", "high", "unit"]
+        return pd.DataFrame(rows, columns=columns)
 
     def effect(self, number: int, name: str | None) -> Figure:
         """The curve of a cause with its interval."""
@@ -187,7 +181,16 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
     return {
         "schema": "gtpin-diagnosis/1",
         "verdict": d.verdict,
-        "causes": [_cause(c) for c in d.causes],
+        "causes": [
+            {
+                **fields(c, "effect", "site", "probability"),
+                "class": _class(c.members),
+                "parameters": {name: fields(e, "value", "sigma", "unit") for name, e in c.parameters.items()},
+                "shrinkage": c.explained_fraction,
+                **fields(c, "nature", "share"),
+            }
+            for c in d.causes
+        ],
         "also": [fields(one, "site", "rms") | {"class": _class(one.members)} for one in d.also],
         "candidates": [
             fields(c, "effect", "site", "log_evidence", "probability", "testable")
@@ -235,17 +238,6 @@ def _place(place: tuple[str, str]) -> dict[str, str]:
 
 def _class(members: Iterable[Member]) -> list[dict[str, Any]]:
     return [fields(m, "effect", "site", "probability") for m in members]
-
-
-def _cause(c: Cause) -> dict[str, Any]:
-    return {
-        **fields(c, "effect", "site", "probability"),
-        "class": _class(c.members),
-        "parameters": {name: fields(e, "value", "sigma", "unit") for name, e in c.parameters.items()},
-        "shrinkage": c.explained_fraction,
-        "nature": c.nature,
-        "share": c.share,
-    }
 
 
 def _errors(gap: Gap) -> dict[str, Any]:

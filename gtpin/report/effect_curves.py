@@ -21,9 +21,6 @@ from gtpin.report.residuals import Residuals, fine
 from gtpin.report.words import coordinate_words, covariate_unit, joined, quantity, typeset, with_unit
 from gtpin.typing import Floats
 
-MOST = 6
-"""Largest number of curves that are drawn per effect."""
-
 
 @dataclass(frozen=True)
 class CurveLine:
@@ -209,8 +206,8 @@ def _with_sigma(active: ActiveEffect, columns: Floats) -> tuple[Floats, Floats]:
 
 
 def drawn_curves(found: Sequence[EffectCurve]) -> list[EffectCurve]:
-    """The curves of an effect that are drawn: those that differ from zero."""
-    return ([curve for curve in found if curve.seen] or list(found[:1]))[:MOST]
+    """The curves of an effect that are drawn: those that differ from zero, at most six."""
+    return ([curve for curve in found if curve.seen] or list(found[:1]))[:6]
 
 
 def curve_plots(name: str, found: Sequence[EffectCurve]) -> list[Plot]:

@@ -52,7 +52,9 @@ class FitPresentation(PagePresentation):
     @property
     def origin(self) -> Table:
         """Versions and digests; of a diagnosis, its seed."""
-        return provenance(self.dataset, self.result.model.robot, self.diagnosis and self.diagnosis.seed)
+        return provenance(
+            self.dataset, self.result.model.robot, None if self.diagnosis is None else self.diagnosis.seed
+        )
 
     @property
     def causes(self) -> bool:

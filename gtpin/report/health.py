@@ -11,17 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gtpin.diagnosis.result import HealthCheck
+from gtpin.output.results import fields
 from gtpin.report.diagnosis import DIAGNOSIS, diagnosis_json, write_findings
 from gtpin.report.page import Lead, PagePresentation, Section, Table, provenance
-from gtpin.report.phrases import (
-    badge,
-    cause_lines,
-    cause_rows,
-    doubt_words,
-    named,
-    overlap,
-    remedy,
-)
+from gtpin.report.phrases import badge, cause_lines, cause_rows, doubt_words, named, overlap, remedy
 from gtpin.report.sections.causes import causes_of
 from gtpin.report.sections.evidence import evidence_of, untestable_of
 from gtpin.report.sketch import drawing
@@ -122,15 +115,9 @@ class HealthCheckPresentation(PagePresentation):
             "poses": check.poses,
             "set_aside": list(check.set_aside),
             "frame": "free" if check.free_frame else "robot",
-            "false_alarm": check.false_alarm,
-            "threshold": check.threshold,
-            "power": check.power,
+            **fields(check, "false_alarm", "threshold", "power"),
             "assumed": list(check.assumed),
-            "unexplained": {
-                "position": check.unexplained_before.position,
-                "orientation": check.unexplained_before.orientation,
-                "noise_known": check.noise_known,
-            },
+            "unexplained": fields(check.unexplained_before, "position", "orientation") | fields(check, "noise_known"),
             "smallest": [asdict(s) for s in check.smallest],
         }
         return found

@@ -31,14 +31,8 @@ EDGES = {"rod": 10.0, "link": 15.0}
 PATCH = 0.12
 """Half the side of a plane's patch, over the machine's size."""
 THIN = "stroke:var(--accent);stroke-width:1.2"
-STATION = np.array([[0.0, -7.0], [6.0, 5.0], [-6.0, 5.0]])
-"""Corners of the mark of a station, pixels."""
-AXIS = 15.0
-"""Half the length of a joint's axis as drawn, pixels."""
 LETTER, LINE = 8.6, 19.0
 """Width of a letter and height of a line, pixels: between those of a wide and of a narrow page, whose letters are larger."""
-FAR = 24.0
-"""Distance of a label from its spot, pixels, from which a line joins them."""
 COVERED, JOINT, CROSSED = 1e3, 12.0, 0.35
 """Costs of a label on another one, on a joint, and on a twentieth of a line; the cost of a pixel of distance is a tenth."""
 ROUND = ((1, 0), (-1, 0), (0, -1), (0, 1), *((side, row) for row in (-1, 1, -2, 2, -3, 3, -4, 4) for side in (1, -1)))
@@ -123,7 +117,8 @@ def _instruments(
         yield f'<line x1="{x:.1f}" y1="{y:.1f}" x2="{u:.1f}" y2="{v:.1f}" style="{look}"/>'
     for name, place in places.stations.items():
         x, y = at(place)[0]
-        yield _polygon(at(place) + STATION, "fill:var(--accent)") + _small(x, y + 17.0, name)
+        corners = np.array([[x, y - 7.0], [x + 6.0, y + 5.0], [x - 6.0, y + 5.0]])
+        yield _polygon(corners, "fill:var(--accent)") + _small(x, y + 17.0, name)
     for name, place in places.sockets.items():  # they are too close together for names
         x, y = at(place)[0]
         title = f"<title>{escape(name)}</title>"
@@ -158,7 +153,7 @@ def _spots(machine: Skeleton, at: Camera, shades: Mapping[str, str], causes: Col
                     yield _line(at(one.ends), fill, 3.0)
             yield f'<rect x="{x - 9:.1f}" y="{y - 7:.1f}" width="18" height="14" rx="3" style="fill:{fill}"/>'
         else:
-            reach = AXIS / at.scale * spot.axis
+            reach = 15.0 / at.scale * spot.axis  # pixels
             yield _line(at(np.stack([spot.at - reach, spot.at + reach])), "var(--ink)", 1.4)
             look = f"fill:{fill};stroke:var(--ink);stroke-width:1.2"
             title = f"<title>{escape(spot.site)}</title>"
@@ -272,7 +267,7 @@ class Labels:
                 best, cost, anchor = box, price, "start" if side > 0 else "end" if side else "middle"
         self.taken.append(best)
         x = {"start": best[0], "end": best[2], "middle": (best[0] + best[2]) / 2.0}[anchor]
-        end = np.clip(spot, best[:2], best[2:]) if _distance(spot, best) > FAR else None
+        end = np.clip(spot, best[:2], best[2:]) if _distance(spot, best) > 24.0 else None
         return f'x="{x:.1f}" y="{best[3] - 0.28 * high:.1f}" text-anchor="{anchor}"', end
 
 

@@ -40,8 +40,6 @@ PLACES = 2
 """Most places of an unknown error that its headline names."""
 NEARLY = 0.8
 """Share of the squares that the best mechanism explains from which another one is named with it."""
-LISTED = 5
-"""Number of listed effects that could be the unknown cause."""
 
 
 def verdict(d: Diagnosis) -> Lead:
@@ -431,8 +429,8 @@ def _possible(d: Diagnosis) -> list[tuple[str, str]]:
 
 
 def could_be(d: Diagnosis) -> list[str]:
-    """Effects that could be the unknown cause: likely ones, and those that can't be tested, with the reason."""
-    places = _possible(d)[:LISTED]
+    """Five effects that could be the unknown cause: likely ones, and those that can't be tested, with the reason."""
+    places = _possible(d)[:5]
     likely = [c for c in d.candidates if c.reason is None and (c.effect, c.site) in places]
     lines = []
     if likely:
