@@ -135,9 +135,8 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
         headline = f"No cause is detected. Much of the noise is scatter between repeated visits, {why}."
         return [headline], [scatters(d.baseline), *hidden]
     if rare:
-        return [
-            f"No cause beside the geometry is detected: noise alone would leave as much in {rare} of all cases."
-        ], hidden
+        headline = f"No cause beside the geometry is detected: noise alone would leave as much in {rare} of all cases."
+        return [headline], hidden
     if d.baseline.unobservable and not any(one.kind == "tracker" for one in fits):
         read, noise = joined([one.name for one in fits]), ", if this is noise" if supposed else ""
         use = (
@@ -155,24 +154,16 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
             "At payloads, temperatures and speeds as in these data, the calibrated geometry is enough: no other compensation "
             "is needed."
         )
-    if supposed:
-        return [f"No cause beside the geometry: the {size.after} that it leaves can be noise."], [use, *assumed(d)]
-    return ["No cause beside the geometry: only noise is left."], [use]
-
-
-def assumed(d: Diagnosis) -> list[str]:
-    """A sentence where the noise is an assumption, and what gap could hide in it."""
-    if d.noise_source != "residuals":
-        return []
-    words = gap_words(d.gap)
-    size = words.after if d.verdict == "none" else words.floor
+    if not supposed:
+        return ["No cause beside the geometry: only noise is left."], [use]
     why, declare = "no sigma was declared", "declare the instrument's sigma, or "
     if any(overruled(d.baseline)):
         why, declare = "these data show less than the declared sigma, which was not used", ""
-    return [
-        f"It is assumed that {size} are noise: {why}, and too few poses were visited repeatedly. An error of up to this size "
-        f"that differs between poses is not detected. To test it, {declare}visit ten poses again."
-    ]
+    assumed = (
+        f"It is assumed that {size.after} are noise: {why}, and too few poses were visited repeatedly. An error of up to this "
+        f"size that differs between poses is not detected. To test it, {declare}visit ten poses again."
+    )
+    return [f"No cause beside the geometry: the {size.after} that it leaves can be noise."], [use, assumed]
 
 
 def _explained(d: Diagnosis) -> tuple[list[str], list[str]]:
@@ -180,8 +171,7 @@ def _explained(d: Diagnosis) -> tuple[list[str], list[str]]:
 
 
 def _ambiguous(d: Diagnosis) -> tuple[list[str], list[str]]:
-    sure, _ = sure_and_doubtful(d.causes)
-    lacking, (_, open_) = not_recorded(d), sure_and_doubtful(d.causes)
+    lacking, (sure, open_) = not_recorded(d), sure_and_doubtful(d.causes)
     if not lacking and any(len(cause.members) > 1 for cause in open_):
         what = "can't decide between the members of a class"
         if all(cause.probability >= PROBABLE for cause in open_):
@@ -194,13 +184,13 @@ def _ambiguous(d: Diagnosis) -> tuple[list[str], list[str]]:
 
 def questions(d: Diagnosis) -> list[str]:
     """Warnings about parameters outside their expected ranges, and what to check."""
-    found, check = [], "Check unit and sign of the columns that it depends on"
+    found = []
     for q in d.questions:
         size, who = " ".join(parameter(q.parameter, q.value, q.unit, q.sigma)), named(d.effect(q.effect), q.site)
         words = f"{who} would have {size}, which is not possible: {q.why}. It is not named as a cause."
         if q.believed:
             words = f"{who} has {size}, which is unusual: {q.why}."
-        found.append(f"{words} {check}.")
+        found.append(f"{words} Check unit and sign of the columns that it depends on.")
     return found
 
 
@@ -371,9 +361,8 @@ def may_hide(d: Diagnosis) -> list[str]:
         return []
     effects = joined(list(dict.fromkeys(d.effect(c.effect).title for c in lacking)))
     names = dict.fromkeys(name for c in lacking for name in d.effect(c.effect).covariates(d.model.robot, c.site))
-    return [
-        f"{effects} could not be tested: record {joined(list(names))}, or fill in what is known, and diagnose again."
-    ]
+    what = f"record {joined(list(names))}, or fill in what is known, and diagnose again"
+    return [f"{effects} could not be tested: {what}."]
 
 
 def not_recorded(d: Diagnosis) -> list[str]:
@@ -383,10 +372,8 @@ def not_recorded(d: Diagnosis) -> list[str]:
     found = []
     for reason, rows in _by_reason(d, lacking).items():
         speeds = any(c.reason is not None and kind(c.reason.covariate) == "speed" for c in rows)
-        found.append(
-            f"{_names(d, rows)} can't be ruled out, because {reason}: record it, or fill in what is known of it"
-            f"{' (0 if the machine stood still)' if speeds else ''}, and diagnose again."
-        )
+        record = f"record it, or fill in what is known of it{' (0 if the machine stood still)' if speeds else ''}"
+        found.append(f"{_names(d, rows)} can't be ruled out, because {reason}: {record}, and diagnose again.")
     return found
 
 
@@ -434,9 +421,8 @@ def could_be(d: Diagnosis) -> list[str]:
     likely = [c for c in d.candidates if c.reason is None and (c.effect, c.site) in places]
     lines = []
     if likely:
-        lines = [
-            f"It could be {_names(d, likely)}; these data can't distinguish it from an effect that gtpin does not know."
-        ]
+        alike = "these data can't distinguish it from an effect that gtpin does not know"
+        lines.append(f"It could be {_names(d, likely)}; {alike}.")
     for reason, rows in _by_reason(d, places).items():
         untested = "" if all(c.testable for c in rows) else ", which these data can't test"
         lines.append(f"It could be {_names(d, rows)}{untested}: {reason}.")
