@@ -57,9 +57,8 @@ class ComparisonPresentation(PagePresentation):
         """The model that predicts best."""
         c = self.comparison
         best = min(c.held, key=lambda held: float(held.position.mean())).model
-        step = Step(
-            f"To identify model {best} from all poses:", f"gtpin calibrate DATASET -o calibrated --model {best}"
-        )
+        command = f"gtpin calibrate DATASET -o calibrated --model {best}"
+        step = Step(f"To identify model {best} from all poses:", command)
         eyebrow = f"Models 1 to 5 of Dressler et al. 2010 · {len(c.held[0].position)} held-out poses"
         return Lead(eyebrow, *_verdict(c), steps=[step], warnings=c.warnings)
 
@@ -124,8 +123,7 @@ def _errors(c: Comparison) -> Section:
         "Each model was fitted to one half of the poses and tested on the other, in both directions "
         "(pose residuals, tolerances as priors). Intervals: 95 %, by resampling poses."
     )
-    title = "Position errors of each model with 95 % intervals"
-    plot = Plot("errors", title, partial(errors_drawing, c), height=360)
+    plot = Plot("errors", "Position errors of each model with 95 % intervals", partial(errors_drawing, c), height=360)
     return Section("errors", "Errors", [how, Plots([plot]), Table(head, rows, range(2, 8))])
 
 

@@ -26,12 +26,6 @@ from gtpin.threads import in_one_thread
 if TYPE_CHECKING:
     import pandas as pd
 
-NEVER = (
-    "This model was never identified: its geometry was fitted to these poses within its tolerances, and errors are those that "
-    "such a fit leaves, not those of the nominal geometry. Give a model that gtpin calibrate or diagnose wrote to see changes."
-)
-"""Sentence of a check against a nominal robot."""
-
 
 @dataclass(frozen=True)
 class HealthCheckPresentation(PagePresentation):
@@ -145,10 +139,8 @@ def headline(check: HealthCheck) -> str:
     """The changes: at most three lines."""
     known, unknown = _identified(check), check.verdict == "unknown"
     if check.verdict == "none":
-        what = (
-            "Nothing has changed since the model was identified" if known else "Only the geometry differs from nominal"
-        )
-        return f"{what}, as far as these poses show."
+        what = "Nothing has changed since the model was identified"
+        return f"{what if known else 'Only the geometry differs from nominal'}, as far as these poses show."
     lines = cause_lines(check, "error beyond noise")
     if unknown:
         what = "has changed" if known else "differs from nominal"
@@ -163,7 +155,13 @@ def _identified(check: HealthCheck) -> bool:
 
 def advice(check: HealthCheck) -> list[str]:
     """What to do, and what limits the check."""
-    robot, left, found = check.model.robot, check.unexplained_before, [] if _identified(check) else [NEVER]
+    robot, left, found = check.model.robot, check.unexplained_before, list[str]()
+    if not _identified(check):
+        found.append(
+            "This model was never identified: its geometry was fitted to these poses within its tolerances, and errors are "
+            "those that such a fit leaves, not those of the nominal geometry. Give a model that gtpin calibrate or diagnose "
+            "wrote to see changes."
+        )
     found += [f"{named(check.effect(c.effect), c.site)}: {remedy(check.effect(c.effect), robot)}" for c in check.causes]
     found += filter(None, [overlap(check)])
     if check.verdict == "unknown":
@@ -189,9 +187,8 @@ def advice(check: HealthCheck) -> list[str]:
         where = "the model's poses too" if recorded else "the model's poses and at the check's"
         found.append(f"{joined(list(check.assumed))} could have changed: record it at {where}.")
     if check.free_frame:
-        found.append(
-            "The pose of the instrument is unknown: changes that look like another pose of it are not detected."
-        )
+        pose = "The pose of the instrument is unknown"
+        found.append(f"{pose}: changes that look like another pose of it are not detected.")
     return found
 
 
