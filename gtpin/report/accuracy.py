@@ -58,16 +58,11 @@ class AccuracyPresentation(PagePresentation):
     accuracy: Accuracy
     files = (*FILES, "report.html")
 
-    @property
-    def title(self) -> str:
-        """The title of the page."""
-        return f"Accuracy of {self.accuracy.model.robot.name}"
-
     @cached_property
     def lead(self) -> Lead:
         """The errors to expect, and the parameter that moves the TCP most."""
         found, values = self.accuracy, self.accuracy.to_json()
-        numbers = []
+        name, numbers = f"Accuracy of {found.model.robot.name}", []
         for what, unit in (("position", "m"), ("orientation", "rad")):
             if error := values["expected"][what]:
                 numbers += [
@@ -84,13 +79,14 @@ class AccuracyPresentation(PagePresentation):
             far = "Far from the measured poses a calibration is less certain; --poses takes the commands that matter."
             advice.append(far)
         return Lead(
-            f"{self.title} · {values['poses']} poses",
+            f"{name} · {values['poses']} poses",
             f"Expect a position error of {mean} on average {where}, from {values['uncertainty']}.",
             advice,
             numbers,
             sketch=drawing(found.model),
             steps=[Step(step, "gtpin calibrate DATASET -o calibrated")] if found.model.covariance is None else [],
             warnings=found.warnings,
+            tab=name,
         )
 
     @cached_property

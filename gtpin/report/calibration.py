@@ -49,19 +49,14 @@ class CalibrationPresentation(FitPresentation):
 
     files = CALIBRATION
 
-    @property
-    def title(self) -> str:
-        """The title of the page."""
-        return f"Calibration of {self.calibration.model.robot.name}"
-
     @cached_property
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, and what to do."""
-        c, q = self.calibration, self.dataset.q
+        c, q, name = self.calibration, self.dataset.q, f"Calibration of {self.calibration.model.robot.name}"
         geometry, table = geometry_words(c.model, q)
         tone, badge, headline, advice = _verdict(c)
         return Lead(
-            f"{self.title} · {len(c.names)} parameters from {c.poses} measurements",
+            f"{name} · {len(c.names)} parameters from {c.poses} measurements",
             "\n".join(filter(None, (geometry, headline))),
             [*advice, *elsewhere(c), *exact_scales(c)],
             _numbers(c),
@@ -71,6 +66,7 @@ class CalibrationPresentation(FitPresentation):
             content=table,
             steps=calibration_steps(c),
             warnings=c.warnings,
+            tab=name,
         )
 
     @cached_property

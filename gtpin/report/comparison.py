@@ -47,11 +47,6 @@ class ComparisonPresentation(PagePresentation):
     comparison: Comparison
     files = ("compare.csv", "compare.json", "position_errors.png", "report.html")
 
-    @property
-    def title(self) -> str:
-        """The title of the page."""
-        return f"Models of {robot_of(self.comparison.dataset).name} compared"
-
     @cached_property
     def lead(self) -> Lead:
         """The model that predicts best."""
@@ -60,7 +55,8 @@ class ComparisonPresentation(PagePresentation):
         command = f"gtpin calibrate DATASET -o calibrated --model {best}"
         step = Step(f"To identify model {best} from all poses:", command)
         eyebrow = f"Models 1 to 5 of Dressler et al. 2010 · {len(c.held[0].position)} held-out poses"
-        return Lead(eyebrow, *_verdict(c), steps=[step], warnings=c.warnings)
+        tab = f"Models of {robot_of(c.dataset).name} compared"
+        return Lead(eyebrow, *_verdict(c), steps=[step], warnings=c.warnings, tab=tab)
 
     @cached_property
     def sections(self) -> Sequence[Section]:

@@ -55,11 +55,6 @@ class DiagnosisPresentation(FitPresentation):
         assert isinstance(self.result, Diagnosis)
         return self.result
 
-    @property
-    def title(self) -> str:
-        """The title of the page."""
-        return f"{self.diagnosis.model.robot.name}: {self.diagnosis.verdict}"
-
     @cached_property
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, the causes, and what to do."""
@@ -79,6 +74,7 @@ class DiagnosisPresentation(FitPresentation):
             content=[*why_content(d), *table, *([causes] if d.causes else [])],
             steps=steps(d),
             warnings=d.warnings,
+            tab=f"{d.model.robot.name}: {d.verdict}",
         )
 
     @cached_property

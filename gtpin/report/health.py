@@ -35,11 +35,6 @@ class HealthCheckPresentation(PagePresentation):
     check: HealthCheck
     files = DIAGNOSIS
 
-    @property
-    def title(self) -> str:
-        """The title of the page."""
-        return f"{self.check.model.robot.name}: {self.lead.badge}"
-
     @cached_property
     def lead(self) -> Lead:
         """The changes, what to do about them, and what limits the check."""
@@ -49,18 +44,20 @@ class HealthCheckPresentation(PagePresentation):
         numbers = [(size.before, f"{error}, each pose predicted by {what} and all others, RMS")]
         numbers += [(size.after, "with the changes")] if c.causes else []
         numbers.append((size.floor, "noise alone" if c.noise_known else "residuals of the earlier model's fit"))
+        short = badge(c) or ("no change" if _identified(c) else "as nominal")
         changes = Table(("change", "probability", "parameters", "part of the error"), cause_rows(c), (1,), wide=(0, 2))
         return Lead(
             f"Check of {c.model.robot.name} against {what} · {c.poses} poses",
             headline(c),
             [*advice(c), power_words(c), untested(c)],
             numbers,
-            badge(c) or ("no change" if _identified(c) else "as nominal"),
+            short,
             TONES[c.verdict],
             drawing(c.baseline, np.median(c.dataset.q, axis=0), causes=[cause.site for cause in c.causes]),
             content=[changes] if c.causes else [],
             steps=check_steps(c),
             warnings=c.warnings,
+            tab=f"{c.model.robot.name}: {short}",
         )
 
     @cached_property

@@ -169,7 +169,7 @@ class Step:
 class Lead:
     """The first screen of a page and of a terminal.
 
-    - ``eyebrow``: what the page is of.
+    - ``eyebrow``, ``tab``: what the page is of, and its title in a browser.
     - ``headline``, ``advice``: the result, a sentence a line, and paragraphs below it.
     - ``numbers``: key figures: value, and what it is.
     - ``badge``, ``tone``: a short verdict, and the name of its colour; empty: none.
@@ -190,6 +190,7 @@ class Lead:
     content: Sequence[Block] = ()
     steps: Sequence[Step] = ()
     warnings: Sequence[str] = ()
+    tab: str = ""
 
     @property
     def title(self) -> str:
@@ -250,11 +251,6 @@ class PagePresentation(SavedPresentation):
 
     @property
     @abstractmethod
-    def title(self) -> str:
-        """The title of the page in a browser."""
-
-    @property
-    @abstractmethod
     def lead(self) -> Lead:
         """The first screen."""
 
@@ -287,14 +283,14 @@ class PagePresentation(SavedPresentation):
 
     def page(self) -> str:
         """The whole report as one self-contained HTML file."""
-        return report(self.title, self.lead, self.sections, self.origin)
+        return report(self.lead, self.sections, self.origin)
 
 
-def report(title: str, lead: Lead, sections: Sequence[Section], provenance: Table | None = None) -> str:
+def report(lead: Lead, sections: Sequence[Section], provenance: Table | None = None) -> str:
     """A page of sections as one self-contained HTML file.
 
-    ``title``: title in the browser's tab. ``provenance``: versions, and digests of the data of the page. Text is escaped. No
-    plot is drawn if a kind of them needs plotly and it is not installed.
+    ``provenance``: versions, and digests of the data of the page. Text is escaped. No plot is drawn if a kind of them needs
+    plotly and it is not installed.
     """
     links = [(section.id, section.entry or section.title) for section in sections]
     links += [("provenance", "Provenance")] if provenance else []
@@ -307,7 +303,6 @@ def report(title: str, lead: Lead, sections: Sequence[Section], provenance: Tabl
     # The page's security policy allows only scripts with these hashes.
     hashes = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
     return environment.get_template("report.html").render(
-        title=title,
         lead=lead,
         sections=sections,
         contents=links,
