@@ -283,17 +283,14 @@ class PagePresentation(SavedPresentation):
 
     def page(self) -> str:
         """The whole report as one self-contained HTML file."""
-        return report(self.lead, self.sections, self.origin)
+        return report(self.lead, [*self.sections, Section("provenance", "Provenance", [self.origin])])
 
 
-def report(lead: Lead, sections: Sequence[Section], provenance: Table | None = None) -> str:
-    """A page of sections as one self-contained HTML file.
+def report(lead: Lead, sections: Sequence[Section]) -> str:
+    """A page of sections as one self-contained HTML file, in which text is escaped.
 
-    ``provenance``: versions, and digests of the data of the page. Text is escaped. No plot is drawn if a kind of them needs
-    plotly and it is not installed.
+    No plot is drawn if a kind of them needs plotly and it is not installed.
     """
-    links = [(section.id, section.entry or section.title) for section in sections]
-    links += [("provenance", "Provenance")] if provenance else []
     blocks = [*lead.content, *(block for section in sections for block in section.content)]
     plots = [plot for block in blocks if isinstance(block, Plots) for plot in block.plots]
     shared, environment = Shared(), _environment()
@@ -305,13 +302,11 @@ def report(lead: Lead, sections: Sequence[Section], provenance: Table | None = N
     return environment.get_template("report.html").render(
         lead=lead,
         sections=sections,
-        contents=links,
         embedded=lambda plot: by_plot[id(plot)],
         drawn=library is not None or not plots,
         scripts=scripts,
         script_hashes=[f"'sha256-{one}'" for one in hashes],
         shared=shared.json,
-        provenance=provenance,
         version=version("gtpin"),
     )
 

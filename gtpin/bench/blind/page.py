@@ -135,7 +135,8 @@ def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
     settings = [[name, str(value)] for name, value in result.get("check", {}).items() if value is not None]
     numbers = [(number(result[key]), words[key]) for key in words]
     lead = Lead(f"Blind check · {result['cases']} cases", headline(result), [ABOUT], numbers, tab="Blind check")
-    return report(lead, sections, Table(("what", "which"), versions() + settings))
+    origin = Section("provenance", "Provenance", [Table(("what", "which"), versions() + settings)])
+    return report(lead, [*sections, origin])
 
 
 ABOUT = """Machines with hidden effects were made, their truths sealed, their data diagnosed by processes without other
