@@ -126,8 +126,28 @@ class AccuracyPresentation(PagePresentation):
         return _steps(self.accuracy).figure(title)
 
     def workspace(self, quantity: str) -> Figure:
-        """Slices of the workspace, coloured by a quantity."""
-        return workspace_map(self.accuracy, quantity)
+        """Slices of the workspace side by side, coloured by a quantity; blank out of reach.
+
+        Raises `ModelError` if there is no such quantity: a reduced arm has no orientation error, and a condition number that
+        is infinite everywhere has no map.
+        """
+        values, space = _quantities(self.accuracy), self.accuracy.space
+        if quantity not in values:
+            raise ModelError(f"there is no map of {quantity!r}", hint=f"give one of {', '.join(values)}")
+        at, unit = values[quantity]
+        layers, (across, _) = space.layers, _names(space)
+        bar = colorbar(with_unit(quantity, unit))
+        traces, layout = [], {}
+        for k, layer in enumerate(layers):
+            suffix, own = str(k + 1) if k else "", _layout(space)
+            x, y, domain = f"x{suffix}", f"y{suffix}", [k / len(layers), (k + 0.8) / len(layers)]
+            traces.append(_slice(space, at, layer) | {"xaxis": x, "yaxis": y, "showscale": k == 0, "colorbar": bar})
+            title = typeset(f"{across} (m), at {_place(space, layer)}")
+            layout[f"xaxis{suffix}"] = own["xaxis"] | {"domain": domain, "title": {"text": title}, "anchor": y}
+            layout[f"yaxis{suffix}"] = own["yaxis"] | {"scaleanchor": x, "anchor": x}
+            if k:
+                layout[f"yaxis{suffix}"]["title"] = {"text": ""}
+        return alone(Drawing(traces, layout), f"{quantity.capitalize()} over the workspace")
 
 
 def _mean_step(found: Accuracy) -> Floats:
@@ -182,33 +202,6 @@ def slices(found: Accuracy) -> tuple[PlotChoice, list[Plot]]:
         Plot(f"slice-{k}", f"Slice of the workspace at {title}", partial(draw, layer), (choice,), title, 300)
         for k, (layer, title) in enumerate(places)
     ]
-
-
-def workspace_map(found: Accuracy, quantity: str = "position error") -> Figure:
-    """Slices of the workspace side by side, orthogonal to an axis of the base frame; blank out of reach.
-
-    ``quantity``: ``position error``, ``orientation error``, ``condition number`` or ``distance from singularity``.
-
-    Raises `ModelError` if there is no such quantity: a reduced arm has no orientation error, and a condition number that is
-    infinite everywhere has no map.
-    """
-    values, space = _quantities(found), found.space
-    if quantity not in values:
-        raise ModelError(f"there is no map of {quantity!r}", hint=f"give one of {', '.join(values)}")
-    at, unit = values[quantity]
-    layers, (across, _) = space.layers, _names(space)
-    bar = colorbar(with_unit(quantity, unit))
-    traces, layout = [], {}
-    for k, layer in enumerate(layers):
-        suffix, own = str(k + 1) if k else "", _layout(space)
-        x, y, domain = f"x{suffix}", f"y{suffix}", [k / len(layers), (k + 0.8) / len(layers)]
-        traces.append(_slice(space, at, layer) | {"xaxis": x, "yaxis": y, "showscale": k == 0, "colorbar": bar})
-        title = typeset(f"{across} (m), at {_place(space, layer)}")
-        layout[f"xaxis{suffix}"] = own["xaxis"] | {"domain": domain, "title": {"text": title}, "anchor": y}
-        layout[f"yaxis{suffix}"] = own["yaxis"] | {"scaleanchor": x, "anchor": x}
-        if k:
-            layout[f"yaxis{suffix}"]["title"] = {"text": ""}
-    return alone(Drawing(traces, layout), f"{quantity.capitalize()} over the workspace")
 
 
 def _quantities(found: Accuracy) -> dict[str, tuple[Floats, str]]:
