@@ -95,10 +95,9 @@ class Bar:
 
 @dataclass(frozen=True)
 class Bars:
-    """Horizontal bars; ``beside``: several groups of bars with titles, beside each other."""
+    """Horizontal bars, in groups beside each other; a group without a title is alone."""
 
-    rows: Sequence[Bar] = ()
-    beside: Sequence[tuple[str, Sequence[Bar]]] = ()
+    groups: Sequence[tuple[str, Sequence[Bar]]]
 
 
 @dataclass(frozen=True)
@@ -220,9 +219,8 @@ def in_terminal(content: Iterable[Block]) -> Iterator[RenderableType]:
             case Table():
                 yield block.printed()
             case Bars():
-                for title, rows in [("", block.rows), *block.beside]:
-                    if rows:
-                        yield Table((title, ""), [(bar.name, bar.value) for bar in rows], (1,)).printed()
+                for title, rows in block.groups:
+                    yield Table((title, ""), [(bar.name, bar.value) for bar in rows], (1,)).printed()
             case Heading():
                 yield f"\n{block.words}"
             case Items():
@@ -342,16 +340,13 @@ def _environment() -> Environment:
     return found
 
 
-PACKAGES = ("numpy", "scipy")
-
-
 def versions() -> list[list[str]]:
     """Name and version of gtpin, of the packages that it computes with, and of Python.
 
     The version of Pinocchio is that of its module, because the distribution is called ``pin`` on PyPI and can have another name
     elsewhere.
     """
-    packages = [[name, version(name)] for name in PACKAGES]
+    packages = [[name, version(name)] for name in ("numpy", "scipy")]
     return [["gtpin", version("gtpin")], ["pin", pin.__version__], *packages, ["Python", platform.python_version()]]
 
 

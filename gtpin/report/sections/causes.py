@@ -91,7 +91,7 @@ def what_can_t_be_distinguished(r: FitPresentation) -> Section | None:
             Bar(named(d.effect(m.effect), m.site), m.probability, chance(m.probability), m not in others(c))
             for m in c.members
         ]
-        content += ["These effects give nearly the same residuals in these data. Probabilities:", Bars(bars)]
+        content += ["These effects give nearly the same residuals in these data. Probabilities:", Bars([("", bars)])]
     if not d.causes:
         content.append("No cause is named, so there are no alternatives to distinguish.")
     elif not content:

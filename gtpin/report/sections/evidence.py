@@ -37,14 +37,14 @@ def where_it_lies(r: FitPresentation) -> Section | None:
         f"Computed before any cause is named. By {'rod, ' if where.rod else ''}axis and region: shares of the gap's mean "
         "square beyond noise. By site and by coordinate: the largest gain in log evidence of an effect or a smooth term, "
         "relative to the longest bar. Gains in log evidence are not proportional to shares of the gap.",
-        Bars(beside=beside),
+        Bars(beside),
     ]
     regions = {
         ", ".join(whole(f"{a} {low:.2f} to {high:.2f}") for a, low, high in zip("xyz", *box, strict=True)) + " m": share
         for box, share in where.region
     }
     if bars := _bars(regions, percent, 0.0)[:4]:
-        content.append(Fold("By region of the workspace", [Bars(bars)]))
+        content.append(Fold("By region of the workspace", [Bars([("", bars)])]))
     return Section("where", "Where it lies", content)
 
 
@@ -109,7 +109,7 @@ def evidence_of(found: Findings, words: Sequence[Block]) -> Section:
         Bar(name, max(c.log_evidence, 0.0) / top if top > 0.0 else 0.0, gain, (c.effect, c.site) in causes)
         for c, (name, gain) in zip(tested[:SHOWN], gains, strict=False)
     ]
-    content: list[Block] = [*words, Bars(bars)]
+    content: list[Block] = [*words, *([Bars([("", bars)])] if bars else [])]
     if rest := gains[SHOWN:]:
         content.append(Fold("The other candidates", [Table(("candidate", "gain in log evidence"), rest, (1,))]))
     return Section("evidence", "Evidence", content)
