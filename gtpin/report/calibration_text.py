@@ -95,9 +95,7 @@ def nominal_words(c: Calibration) -> str:
 def _measured_by(c: Calibration) -> list[str]:
     several = {name for name, unit in c.sigmas if {unit} != {of for other, of in c.sigmas if other == name}}
     of_pose = {"m": "position", "rad": "orientation"}
-    names = [
-        f"{name} ({of_pose[unit]})" if name in several and name else name or of_pose[unit] for name, unit in c.sigmas
-    ]
+    names = [f"{n} ({of_pose[unit]})" if n in several and n else n or of_pose[unit] for n, unit in c.sigmas]
     # Only sockets have two sigmas of one unit.
     return [f"known distances of {name}" if name in names[:k] else name for k, name in enumerate(names)]
 
@@ -190,10 +188,8 @@ def grouped(words: Sequence[str], remedies: Sequence[Remedy | None]) -> tuple[st
     useful = tuple(said for said, remedy in zip(words, remedies, strict=True) if remedy is not None)
     if (others := len(words) - len(useful)) < 2:
         return tuple(words)
-    rest = (
-        f"{others} other directions hardly move the platform at these poses: no usual measurement would determine them."
-    )
-    return (*useful, rest)
+    hardly = f"{others} other directions hardly move the platform at these poses"
+    return (*useful, f"{hardly}: no usual measurement would determine them.")
 
 
 def _remedy(remedy: Remedy | None) -> str:

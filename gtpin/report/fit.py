@@ -52,9 +52,8 @@ class FitPresentation(PagePresentation):
     @property
     def origin(self) -> Table:
         """Versions and digests; of a diagnosis, its seed."""
-        return provenance(
-            self.dataset, self.result.model.robot, None if self.diagnosis is None else self.diagnosis.seed
-        )
+        seed = None if self.diagnosis is None else self.diagnosis.seed
+        return provenance(self.dataset, self.result.model.robot, seed)
 
     @property
     def causes(self) -> bool:

@@ -85,9 +85,8 @@ class PosePlanPresentation(SavedPresentation):
                 f"Error of predicted positions after the calibration: {error}.",
             ]
         if plan.purpose == "discrimination":
-            return [
-                f"{count} poses that distinguish {counted(len(plan.told), 'effect')} from each other and from no effect."
-            ]
+            effects = counted(len(plan.told), "effect")
+            return [f"{count} poses that distinguish {effects} from each other and from no effect."]
         place = "by an instrument that may stand anywhere" if plan.frame == "free" else "in the base frame"
         return [
             f"{count} poses for a check, measured {place}. A change of the size in the table is detected in "

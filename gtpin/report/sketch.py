@@ -86,9 +86,8 @@ def sketch(
         *_corners(shades, causes),
         *_labels(machine, at, site_share, causes),
     ]
-    first = ", ".join(
-        _named(site) for site, share in sorted(site_share.items(), key=lambda one: -one[1]) if share >= SHOWN
-    )
+    order = sorted(site_share, key=lambda site: -site_share[site])
+    first = ", ".join(_named(site) for site in order if site_share[site] >= SHOWN)
     name = escape(f"The machine; the reddest parts first: {first}" if first else "The machine")
     head = f'<svg class="drawing" viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" role="img" aria-label="{name}">'
     return Markup("".join([head, *parts, "</svg>"]))
@@ -174,8 +173,8 @@ def _tcp(machine: Skeleton, at: Camera, shades: Mapping[str, str], causes: Colle
 def _corners(shades: Mapping[str, str], causes: Collection[str]) -> Iterator[str]:
     """Symbols at the lower corners: three lines for all links together, and a tripod for the instrument; empty without
     shares."""
-    for site, x in ((site, x) for site, x in CORNERS.items() if site in shades):
-        y, shade, spread = HEIGHT - 41.0, shades[site], 10.0 if site == "arm" else 0.0
+    for site in [site for site in CORNERS if site in shades]:
+        x, y, shade, spread = CORNERS[site], HEIGHT - 41.0, shades[site], 10.0 if site == "arm" else 0.0
         for k in (-1.0, 0.0, 1.0):
             ends = np.array([[x + k * spread, y - 12.0], [x + k * 10.0, y + 12.0]])
             yield _line(ends, shade, 2.6)

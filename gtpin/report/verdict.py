@@ -198,9 +198,8 @@ def anywhere(d: Diagnosis) -> list[str]:
     """The sites, in words, of which none explains the gap clearly better: more than a headline names; else empty."""
     shares = {} if d.causes else d.where.site
     least = NEARLY * max(shares.values(), default=0.0)
-    alike = [
-        site_words(site) for site, share in sorted(shares.items(), key=lambda one: -one[1]) if share >= least > 0.0
-    ]
+    order = sorted(shares, key=lambda site: -shares[site])
+    alike = [site_words(site) for site in order if shares[site] >= least > 0.0]
     return alike if len(alike) > PLACES else []
 
 
