@@ -95,18 +95,15 @@ def _diagnosed(
         with warnings.catch_warnings(), results_folder(output, DIAGNOSIS, force=force) as folder:
             warnings.simplefilter("ignore", GtpinWarning)  # the result has them
             earlier: Any = None if against is None else read_model(against)
-            result: Any = present(diagnose(read_dataset(dataset, tcp, trust=trust), against=earlier, **options)).write(
-                folder
-            )
+            found: Any = diagnose(read_dataset(dataset, tcp, trust=trust), against=earlier, **options)
+            result = present(found).write(folder)
     except GtpinError as error:
         return {"error": str(error)}
     except Exception as error:  # one dataset must not end the others
         return {"error": f"a fault of gtpin's own: {type(error).__name__}: {error}"}
-    keys = ("position_rms_before", "position_rms_after", "noise_floor")
     causes = [{key: cause[key] for key in ("effect", "site", "probability")} for cause in result["causes"]]
-    return {"verdict": result["verdict"], "causes": causes, "rows": result["rows"]} | {
-        k: result["gap"][k] for k in keys
-    }
+    gap = {key: result["gap"][key] for key in ("position_rms_before", "position_rms_after", "noise_floor")}
+    return {"verdict": result["verdict"], "causes": causes, "rows": result["rows"], **gap}
 
 
 def _names(datasets: Sequence[Path]) -> list[str]:
@@ -143,8 +140,8 @@ def fleet_page(rows: Sequence[Mapping[str, Any]]) -> str:
     """The table as one self-contained HTML file."""
     verdicts = Counter("failed" if row["error"] else row["verdict"] for row in rows)
     found = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.most_common())
-    lead = Lead(f"Diagnoses of {counted(len(rows), 'dataset')}", f"{found}.")
-    return report("diagnoses", lead, [Section("datasets", "Datasets", [fleet_table(rows)])])
+    lead = Lead(f"Diagnoses of {counted(len(rows), 'dataset')}", f"{found}.", tab="diagnoses")
+    return report(lead, [Section("datasets", "Datasets", [fleet_table(rows)])])
 
 
 def _cells(row: Mapping[str, Any]) -> list[str]:

@@ -56,11 +56,6 @@ class SavedPresentation(Presentation):
     def write(self, folder: Path) -> dict[str, object]:
         """Write the result into a new folder; return what the command prints with ``--json``."""
 
-    def save(self, folder: Path, *, force: bool) -> None:
-        """Write the files of the result's command into a folder: see :func:`~gtpin.output.results.results_folder`."""
-        with results_folder(folder, self.files, force=force) as new:
-            self.write(new)
-
 
 PRESENTATIONS = {
     "Accuracy": "gtpin.report.accuracy",
@@ -118,7 +113,9 @@ class SavedResult(Shown):
 
         With ``force``, files of these names that gtpin has not written are renamed (``NAME.old-1``).
         """
-        present(self).save(Path(folder), force=force)
+        shown = present(self)
+        with results_folder(Path(folder), shown.files, force=force) as new:
+            shown.write(new)
 
 
 class FitResult(SavedResult):

@@ -36,15 +36,12 @@ MEANINGS = {
     "singularity": ("distance from singularity, {one_at}", ""),
     "limit": ("distance of the nearest actuator from its limit", "m or rad"),
 }
-ONE_AT = {"home": "1 as at home", "best": "1 at the best of these poses"}
 WITHIN = {
     False: "Slices of the box that the poses span{volume}; blank where the robot can't reach.",
     True: "Slices of the workspace{volume}, from {postures:,} postures that fill the joints' ranges: a cell has the "
     "median over the postures that bring the TCP there; blank where none does.",
 }
 """Text on what the maps show: whether postures fill the workspace, or a box has one in each cell."""
-MEASURED = "Far from the measured poses a calibration is less certain; --poses takes the commands that matter."
-"""Text on a calibrated model at commands that nobody named."""
 LEGEND = {
     False: "(m, or m/m for v) in each parameter of each link. L: length; P: joint on the platform; C: joint on the cart; v: "
     "direction of the track.",
@@ -52,7 +49,6 @@ LEGEND = {
     "their own axes.",
 }
 """Text on the rows of the table: of rods, and of placements."""
-ERRORS = (("position", "m"), ("orientation", "rad"))
 
 
 @dataclass(frozen=True)
@@ -62,17 +58,12 @@ class AccuracyPresentation(PagePresentation):
     accuracy: Accuracy
     files = (*FILES, "report.html")
 
-    @property
-    def title(self) -> str:
-        """The title of the page."""
-        return f"Accuracy of {self.accuracy.model.robot.name}"
-
     @cached_property
     def lead(self) -> Lead:
         """The errors to expect, and the parameter that moves the TCP most."""
         found, values = self.accuracy, self.accuracy.to_json()
-        numbers = []
-        for what, unit in ERRORS:
+        name, numbers = f"Accuracy of {found.model.robot.name}", []
+        for what, unit in (("position", "m"), ("orientation", "rad")):
             if error := values["expected"][what]:
                 numbers += [
                     (quantity(error["mean"], unit), f"expected {what} error, mean"),
@@ -83,16 +74,19 @@ class AccuracyPresentation(PagePresentation):
                 numbers.append(("none", f"{what} error: the arm is reduced"))
         where = "over the ranges of the drives" if found.filling else "at the given commands"
         mean = quantity(values["expected"]["position"]["mean"], "m")
-        advice = [_greatest(found), *([MEASURED] if found.filling and found.model.covariance is not None else [])]
-        measure = "To replace the tolerances by an identified geometry, measure poses:"
+        advice, step = [_greatest(found)], "To replace the tolerances by an identified geometry, measure poses:"
+        if found.filling and found.model.covariance is not None:
+            far = "Far from the measured poses a calibration is less certain; --poses takes the commands that matter."
+            advice.append(far)
         return Lead(
-            f"{self.title} · {values['poses']} poses",
+            f"{name} · {values['poses']} poses",
             f"Expect a position error of {mean} on average {where}, from {values['uncertainty']}.",
             advice,
             numbers,
             sketch=drawing(found.model),
-            steps=[Step(measure, "gtpin calibrate DATASET -o calibrated")] if found.model.covariance is None else [],
+            steps=[Step(step, "gtpin calibrate DATASET -o calibrated")] if found.model.covariance is None else [],
             warnings=found.warnings,
+            tab=name,
         )
 
     @cached_property
@@ -103,7 +97,8 @@ class AccuracyPresentation(PagePresentation):
         volume = f", about {space.volume:.3g} m³ within reach" if space.volume else ""  # a planar robot has none
         within = WITHIN[space.filled].format(volume=volume, postures=len(space.q))
         about = f"Mean change of the TCP's position, µm, by a step of {steps.step} {LEGEND['rx' in steps.parameters]}"
-        measures = _dexterity(found.to_json()["dexterity"], ONE_AT[space.dexterity.one_at])
+        one_at = {"home": "1 as at home", "best": "1 at the best of these poses"}[space.dexterity.one_at]
+        measures = _dexterity(found.to_json()["dexterity"], one_at)
         return [
             Section("maps", "Over the workspace", [Plots(plots, within, [quantities])]),
             Section("parameters", "What moves the TCP", [about, _steps(found)]),
@@ -131,8 +126,28 @@ class AccuracyPresentation(PagePresentation):
         return _steps(self.accuracy).figure(title)
 
     def workspace(self, quantity: str) -> Figure:
-        """Slices of the workspace, coloured by a quantity."""
-        return workspace_map(self.accuracy, quantity)
+        """Slices of the workspace side by side, coloured by a quantity; blank out of reach.
+
+        Raises `ModelError` if there is no such quantity: a reduced arm has no orientation error, and a condition number that
+        is infinite everywhere has no map.
+        """
+        values, space = _quantities(self.accuracy), self.accuracy.space
+        if quantity not in values:
+            raise ModelError(f"there is no map of {quantity!r}", hint=f"give one of {', '.join(values)}")
+        at, unit = values[quantity]
+        layers, (across, _) = space.layers, _names(space)
+        bar = colorbar(with_unit(quantity, unit))
+        traces, layout = [], {}
+        for k, layer in enumerate(layers):
+            suffix, own = str(k + 1) if k else "", _layout(space)
+            x, y, domain = f"x{suffix}", f"y{suffix}", [k / len(layers), (k + 0.8) / len(layers)]
+            traces.append(_slice(space, at, layer) | {"xaxis": x, "yaxis": y, "showscale": k == 0, "colorbar": bar})
+            title = typeset(f"{across} (m), at {_place(space, layer)}")
+            layout[f"xaxis{suffix}"] = own["xaxis"] | {"domain": domain, "title": {"text": title}, "anchor": y}
+            layout[f"yaxis{suffix}"] = own["yaxis"] | {"scaleanchor": x, "anchor": x}
+            if k:
+                layout[f"yaxis{suffix}"]["title"] = {"text": ""}
+        return alone(Drawing(traces, layout), f"{quantity.capitalize()} over the workspace")
 
 
 def _mean_step(found: Accuracy) -> Floats:
@@ -164,12 +179,11 @@ def _dexterity(values: dict[str, Any], one_at: str) -> Table:
     rows = []
     for name, measure in values.items():
         title, unit = MEANINGS[name]
-        title = title.format(one_at=one_at)
         several = isinstance(measure["median"], list)
-        for k in range(len(measure["median"])) if several else (None,):
-            cells = [measure[key] if k is None else measure[key][k] for key in ("least", "median", "most")]
-            shown = ["infinite" if value is None else f"{value:.3g}" for value in cells]
-            rows.append([title if k is None else f"{title}, {k + 1}", *shown, unit])
+        cells = [measure[key] if several else [measure[key]] for key in ("least", "median", "most")]
+        for k, row in enumerate(zip(*cells, strict=True)):
+            shown = ["infinite" if value is None else f"{value:.3g}" for value in row]
+            rows.append([f"{title.format(one_at=one_at)}{f', {k + 1}' if several else ''}", *shown, unit])
     return Table(("measure", "least", "median", "most", "unit"), rows, (1, 2, 3))
 
 
@@ -188,33 +202,6 @@ def slices(found: Accuracy) -> tuple[PlotChoice, list[Plot]]:
         Plot(f"slice-{k}", f"Slice of the workspace at {title}", partial(draw, layer), (choice,), title, 300)
         for k, (layer, title) in enumerate(places)
     ]
-
-
-def workspace_map(found: Accuracy, quantity: str = "position error") -> Figure:
-    """Slices of the workspace side by side, orthogonal to an axis of the base frame; blank out of reach.
-
-    ``quantity``: ``position error``, ``orientation error``, ``condition number`` or ``distance from singularity``.
-
-    Raises `ModelError` if there is no such quantity: a reduced arm has no orientation error, and a condition number that is
-    infinite everywhere has no map.
-    """
-    values, space = _quantities(found), found.space
-    if quantity not in values:
-        raise ModelError(f"there is no map of {quantity!r}", hint=f"give one of {', '.join(values)}")
-    at, unit = values[quantity]
-    layers, (across, _) = space.layers, _names(space)
-    bar = colorbar(with_unit(quantity, unit))
-    traces, layout = [], {}
-    for k, layer in enumerate(layers):
-        suffix, own = str(k + 1) if k else "", _layout(space)
-        x, y, domain = f"x{suffix}", f"y{suffix}", [k / len(layers), (k + 0.8) / len(layers)]
-        traces.append(_slice(space, at, layer) | {"xaxis": x, "yaxis": y, "showscale": k == 0, "colorbar": bar})
-        title = typeset(f"{across} (m), at {_place(space, layer)}")
-        layout[f"xaxis{suffix}"] = own["xaxis"] | {"domain": domain, "title": {"text": title}, "anchor": y}
-        layout[f"yaxis{suffix}"] = own["yaxis"] | {"scaleanchor": x, "anchor": x}
-        if k:
-            layout[f"yaxis{suffix}"]["title"] = {"text": ""}
-    return alone(Drawing(traces, layout), f"{quantity.capitalize()} over the workspace")
 
 
 def _quantities(found: Accuracy) -> dict[str, tuple[Floats, str]]:

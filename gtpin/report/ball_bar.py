@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 Direction = Literal["counterclockwise", "clockwise"]
 Layer = Literal["measured", "before", "after"]
 
-DIRECTIONS: tuple[Direction, ...] = ("counterclockwise", "clockwise")
 STEP, JUMP = np.deg2rad(1.5), np.deg2rad(60.0)
 """Smallest step of a path, as an angle about the point, from which its direction of travel is determined, and the largest step
 within one circle."""
@@ -111,19 +110,18 @@ class Circle:
 
     @property
     def directions(self) -> tuple[Direction, ...]:
-        """The directions of travel that were measured."""
-        return tuple(d for d in DIRECTIONS if any(trace.direction == d for trace in self.traces))
+        """The directions of travel that were measured, counterclockwise first."""
+        return tuple(sorted({trace.direction for trace in self.traces}, reverse=True))
 
-    def radial(self, layer: Layer, direction: Direction) -> tuple[float, float]:
-        """Radial deviations F of a direction: the smallest and the largest, m."""
-        values = np.concatenate([t.deviation[layer] for t in self.traces if t.direction == direction])
+    def radial(self, layer: Layer, direction: Direction | None) -> tuple[float, float]:
+        """Radial deviations F of a direction, or of both: the smallest and the largest, m."""
+        values = np.concatenate([t.deviation[layer] for t in self.traces if direction in (t.direction, None)])
         return float(values.min()), float(values.max())
 
     def circular(self, layer: Layer, direction: Direction | None = None) -> float:
-        """Circular deviation G, m: the range of the deviations of a direction; None: of both, the bidirectional deviation
-        G(b)."""
-        ends = [self.radial(layer, d) for d in ((direction,) if direction else self.directions)]
-        return max(high for _, high in ends) - min(low for low, _ in ends)
+        """Circular deviation G, m: the range of the deviations of a direction; None: of both, the bidirectional G(b)."""
+        low, high = self.radial(layer, direction)
+        return high - low
 
 
 def circles(residuals: Residuals) -> tuple[Circle, ...]:
@@ -355,12 +353,11 @@ def _polar(circle: Circle, layer: Layer, layers: Sequence[Layer]) -> dict[str, A
     """The axes of a plot; the circle of zero deviation is at two thirds of the plot's radius."""
     _, _, top = _scale(circle, layer, layers)
     step = round_below(top / 2.0)  # the largest deviation has two to five steps
-    first, last = (-np.floor(INSIDE * top / step), np.floor(OUTSIDE * top / step))
     one, two = circle.axes
     grid = {"gridcolor": LINE, "linecolor": LINE}
     radial = {
         "range": [-INSIDE * top, OUTSIDE * top],
-        "tickvals": step * np.arange(first, last + 1.0),
+        "tickvals": step * np.arange(-np.floor(INSIDE * top / step), np.floor(OUTSIDE * top / step) + 1.0),
         "showticklabels": False,
         "ticks": "",
         "showline": False,

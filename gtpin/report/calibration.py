@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,11 +12,9 @@ import numpy as np
 
 from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.result import Calibration
-from gtpin.model.departures import departures, track_differences
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import json_text
 from gtpin.report.calibration_text import (
-    IN_DOUBT,
     best_frame,
     cannot_judge,
     elsewhere,
@@ -25,9 +24,10 @@ from gtpin.report.calibration_text import (
     unseen_words,
     visits_over_declared,
 )
-from gtpin.report.geometry import geometry_line, geometry_table, point_of
-from gtpin.report.page import Lead, Table, provenance
-from gtpin.report.sections import FitPresentation
+from gtpin.report.fit import FitPresentation
+from gtpin.report.geometry import geometry_words
+from gtpin.report.page import Lead, Section
+from gtpin.report.sections import sections
 from gtpin.report.sections.parameters import parameter_table
 from gtpin.report.sketch import drawing
 from gtpin.report.steps import calibration_steps
@@ -49,34 +49,30 @@ class CalibrationPresentation(FitPresentation):
 
     files = CALIBRATION
 
-    @property
-    def title(self) -> str:
-        """The title of the page."""
-        return f"Calibration of {self.calibration.model.robot.name}"
-
     @cached_property
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, and what to do."""
-        c, q = self.calibration, self.dataset.q
-        found, apart = ((), ()) if c.model.doubt else (departures(c.model, q), track_differences(c.model))
+        c, q, name = self.calibration, self.dataset.q, f"Calibration of {self.calibration.model.robot.name}"
+        geometry, table = geometry_words(c.model, q)
         tone, badge, headline, advice = _verdict(c)
         return Lead(
-            f"{self.title} · {len(c.names)} parameters from {c.poses} measurements",
-            "\n".join(filter(None, (geometry_line(found, apart, point_of(c.model)), headline))),
+            f"{name} · {len(c.names)} parameters from {c.poses} measurements",
+            "\n".join(filter(None, (geometry, headline))),
             [*advice, *elsewhere(c), *exact_scales(c)],
             _numbers(c),
             badge,
             tone,
             drawing(c.model, q.mean(axis=0)),
-            content=geometry_table(found, point_of(c.model)),
+            content=table,
             steps=calibration_steps(c),
             warnings=c.warnings,
+            tab=name,
         )
 
-    @property
-    def origin(self) -> Table:
-        """Versions and digests."""
-        return provenance(self.dataset, self.calibration.model.robot)
+    @cached_property
+    def sections(self) -> Sequence[Section]:
+        """The sections of the page."""
+        return sections(self)
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter: ``value sigma low high unit nominal tolerance learned``, by its name."""
@@ -111,7 +107,7 @@ class CalibrationPresentation(FitPresentation):
 def _verdict(c: Calibration) -> tuple[str, str, str, list[str]]:
     """Tone, badge, headline and advice."""
     if c.model.doubt:
-        return "warn", "geometry in doubt", IN_DOUBT, [f"{c.model.doubt[:1].upper()}{c.model.doubt[1:]}."]
+        return "warn", "geometry in doubt", "", [f"{c.model.doubt[:1].upper()}{c.model.doubt[1:]}."]
     if c.worse:
         return "bad", "worse than nominal", f"{c.worse[0].upper()}{c.worse[1:]}.", []
     if not c.explained:

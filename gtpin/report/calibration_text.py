@@ -21,8 +21,6 @@ from gtpin.typing import Floats
 SHOWN = 8
 """Largest number of listed correlations and unobservable directions."""
 SOURCES = {"declared": "as declared", "repeats": "from repeated visits", "residuals": "from the residuals"}
-NAMED = 3
-"""Largest number of parameters that a sentence names."""
 WHAT = {
     "touches": "touches of a plane whose normal is along {axis}",
     "distances": "distances from one station, by a draw wire or a ball bar,",
@@ -77,10 +75,6 @@ def lost(c: Calibration) -> list[InstrumentFit]:
     return [one for one in c.by_instrument if one.left_out > max(one.before, PRIORS.silent * one.floor)]
 
 
-IN_DOUBT = "The geometry is in doubt: the target does not look to be where it is declared."
-"""Headline of a calibration that has a doubt, in the place of its parameters."""
-
-
 def best_frame(c: Calibration) -> str:
     """That the error of the nominal geometry is after a fit of the instrument's frame, where that is free, or of other unknowns
     of the instruments; or nothing."""
@@ -101,9 +95,7 @@ def nominal_words(c: Calibration) -> str:
 def _measured_by(c: Calibration) -> list[str]:
     several = {name for name, unit in c.sigmas if {unit} != {of for other, of in c.sigmas if other == name}}
     of_pose = {"m": "position", "rad": "orientation"}
-    names = [
-        f"{name} ({of_pose[unit]})" if name in several and name else name or of_pose[unit] for name, unit in c.sigmas
-    ]
+    names = [f"{n} ({of_pose[unit]})" if n in several and n else n or of_pose[unit] for n, unit in c.sigmas]
     # Only sockets have two sigmas of one unit.
     return [f"known distances of {name}" if name in names[:k] else name for k, name in enumerate(names)]
 
@@ -196,10 +188,8 @@ def grouped(words: Sequence[str], remedies: Sequence[Remedy | None]) -> tuple[st
     useful = tuple(said for said, remedy in zip(words, remedies, strict=True) if remedy is not None)
     if (others := len(words) - len(useful)) < 2:
         return tuple(words)
-    rest = (
-        f"{others} other directions hardly move the platform at these poses: no usual measurement would determine them."
-    )
-    return (*useful, rest)
+    hardly = f"{others} other directions hardly move the platform at these poses"
+    return (*useful, f"{hardly}: no usual measurement would determine them.")
 
 
 def _remedy(remedy: Remedy | None) -> str:
@@ -213,7 +203,7 @@ def _sentence(geometry: Geometry, direction: Floats, sigma: float) -> str:
     order = np.argsort(-np.abs(direction))
     direction = direction * np.sign(direction[order[0]])
     sizes = direction * geometry.tolerance * sigma
-    named = [f"{geometry.names[i]} by {_amount(sizes[i], geometry.parameters[i].unit)}" for i in order[:NAMED]]
+    named = [f"{geometry.names[i]} by {_amount(sizes[i], geometry.parameters[i].unit)}" for i in order[:3]]
     listed = ", ".join(named)
     if _is_growth(geometry, direction):
         return f"The scale of the machine is not determined: all its lengths can change in proportion ({listed}, ...), 1 sigma."

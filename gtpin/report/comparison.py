@@ -38,7 +38,6 @@ COLORS = {1: SOFT, 2: WARN, 3: ACCENT, 4: GOOD, 5: FIT}
 FIGURES = {"mean_um": "mean", "rms_um": "root mean square", "max_um": "largest"}
 ANGLES = PlotChoice("angle", "Angle", (("alpha", "alpha"), ("beta", "beta"), ("gamma", "gamma")))
 """ZYZ Euler angles."""
-UNKNOWN = (float("nan"), float("nan"))
 
 
 @dataclass(frozen=True)
@@ -48,21 +47,16 @@ class ComparisonPresentation(PagePresentation):
     comparison: Comparison
     files = ("compare.csv", "compare.json", "position_errors.png", "report.html")
 
-    @property
-    def title(self) -> str:
-        """The title of the page."""
-        return f"Models of {robot_of(self.comparison.dataset).name} compared"
-
     @cached_property
     def lead(self) -> Lead:
         """The model that predicts best."""
         c = self.comparison
         best = min(c.held, key=lambda held: float(held.position.mean())).model
-        step = Step(
-            f"To identify model {best} from all poses:", f"gtpin calibrate DATASET -o calibrated --model {best}"
-        )
+        command = f"gtpin calibrate DATASET -o calibrated --model {best}"
+        step = Step(f"To identify model {best} from all poses:", command)
         eyebrow = f"Models 1 to 5 of Dressler et al. 2010 · {len(c.held[0].position)} held-out poses"
-        return Lead(eyebrow, *_verdict(c), steps=[step], warnings=c.warnings)
+        tab = f"Models of {robot_of(c.dataset).name} compared"
+        return Lead(eyebrow, *_verdict(c), steps=[step], warnings=c.warnings, tab=tab)
 
     @cached_property
     def sections(self) -> Sequence[Section]:
@@ -116,7 +110,7 @@ def _errors(c: Comparison) -> Section:
     head = ["model", "what it is", "mean (µm)", "95 %", "rms (µm)", "largest (µm)", "orientation, rms (mrad)", "poses"]
     rows = []
     for held, ends in zip(c.held, c.intervals(), strict=True):
-        f, (low, high) = held.figures(), ends["mean_um"] or UNKNOWN
+        f, (low, high) = held.figures(), ends["mean_um"] or (np.nan, np.nan)
         mean, rms, most = (f"{f[name]:.0f}" for name in FIGURES)
         turned = "" if f["orientation_rms_mrad"] is None else f"{f['orientation_rms_mrad']:.3f}"
         about = [str(held.model), MODELS[held.model], mean, whole(f"{low:.0f} to {high:.0f}")]
@@ -125,8 +119,7 @@ def _errors(c: Comparison) -> Section:
         "Each model was fitted to one half of the poses and tested on the other, in both directions "
         "(pose residuals, tolerances as priors). Intervals: 95 %, by resampling poses."
     )
-    title = "Position errors of each model with 95 % intervals"
-    plot = Plot("errors", title, partial(errors_drawing, c), height=360)
+    plot = Plot("errors", "Position errors of each model with 95 % intervals", partial(errors_drawing, c), height=360)
     return Section("errors", "Errors", [how, Plots([plot]), Table(head, rows, range(2, 8))])
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,22 +10,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gtpin.diagnosis.result import Cause, Diagnosis, Gap, HealthCheck, Member
+from gtpin.diagnosis.result import Diagnosis, Gap, HealthCheck, Member
 from gtpin.effects.sites import joints
 from gtpin.errors import GtpinError
-from gtpin.model.departures import departures, track_differences
+from gtpin.model.departures import departures
 from gtpin.model.model import Model
 from gtpin.model.model_folder import write_model
 from gtpin.output.results import fields, json_text
 from gtpin.report.calibration import UNKNOWN
-from gtpin.report.calibration_text import IN_DOUBT, best_frame, nominal_words
+from gtpin.report.calibration_text import best_frame, nominal_words
 from gtpin.report.effect_curves import curve_drawing, drawn_curves
 from gtpin.report.figure import alone
-from gtpin.report.geometry import geometry_line, geometry_table, point_of
+from gtpin.report.fit import FitPresentation
+from gtpin.report.geometry import geometry_words
 from gtpin.report.next_experiment import FOLDER, write_experiments
-from gtpin.report.page import Lead, Table, provenance
+from gtpin.report.page import Lead, Section, Table
 from gtpin.report.phrases import cause_rows, named, parameter_rows, reason_words
-from gtpin.report.sections import FitPresentation
+from gtpin.report.sections import sections
 from gtpin.report.sections.data import gap_method
 from gtpin.report.sketch import drawing
 from gtpin.report.steps import steps
@@ -40,10 +41,6 @@ if TYPE_CHECKING:
 
 DIAGNOSIS = ("baseline", "model", "diagnosis.json", "report.html", FOLDER)
 """Names of the files of a diagnosis's folder."""
-SHADES = "Redder: a free motion of this part alone explains the errors better."
-"""Text below the sketch."""
-COLUMNS = ("effect", "site", "probability", "shrinkage", "parameter", "value", "sigma", "low", "high", "unit")
-"""Columns of the table of causes."""
 
 
 @dataclass(frozen=True)
@@ -58,45 +55,32 @@ class DiagnosisPresentation(FitPresentation):
         assert isinstance(self.result, Diagnosis)
         return self.result
 
-    @property
-    def title(self) -> str:
-        """The title of the page."""
-        return f"{self.diagnosis.model.robot.name}: {self.diagnosis.verdict}"
-
     @cached_property
     def lead(self) -> Lead:
         """From the nominal to the calibrated geometry, which parameters make it, the causes, and what to do."""
         d = self.diagnosis
-        doubt, point = d.baseline.model.doubt, point_of(d.model)
-        said, found = verdict(d), () if doubt else departures(d.model, d.dataset.q)
+        said, doubt, (geometry, table) = verdict(d), d.model.doubt, geometry_words(d.model, d.dataset.q)
         # Without a gap, a free motion of a part explains nothing.
         shares = () if d.verdict == "none" else (d.where.site, [c.site for c in d.causes])
-        head = ("cause", "probability", "parameters", "part of the gap")
+        blue = " Blue: the sites of the causes." if d.causes else ""
+        causes = Table(("cause", "probability", "parameters", "part of the gap"), cause_rows(d), (1,), wide=(0, 2))
         return replace(
             said,
-            headline="\n".join(
-                filter(
-                    None,
-                    (IN_DOUBT if doubt else geometry_line(found, track_differences(d.model), point), said.headline),
-                )
-            ),
+            headline="\n".join(filter(None, (geometry, said.headline))),
             advice=[*([f"{doubt[:1].upper()}{doubt[1:]}."] if doubt else []), *said.advice],
             numbers=_numbers(d),
             sketch=drawing(d.model, d.dataset.q.mean(axis=0), *shares),
-            caption=f"{SHADES}{' Blue: the sites of the causes.' if d.causes else ''}" if shares else "",
-            content=[
-                *why_content(d),
-                *geometry_table(found, point),
-                *([Table(head, cause_rows(d), (1,), wide=(0, 2))] if d.causes else []),
-            ],
+            caption=f"Redder: a free motion of this part alone explains the errors better.{blue}" if shares else "",
+            content=[*why_content(d), *table, *([causes] if d.causes else [])],
             steps=steps(d),
             warnings=d.warnings,
+            tab=f"{d.model.robot.name}: {d.verdict}",
         )
 
-    @property
-    def origin(self) -> Table:
-        """Versions, seed and digests."""
-        return provenance(self.dataset, self.diagnosis.model.robot, self.diagnosis.seed)
+    @cached_property
+    def sections(self) -> Sequence[Section]:
+        """The sections of the page."""
+        return sections(self)
 
     def table(self) -> pd.DataFrame:
         """A row for each parameter of each cause."""
@@ -107,7 +91,8 @@ class DiagnosisPresentation(FitPresentation):
             for c in self.diagnosis.causes
             for name, e in c.parameters.items()
         ]
-        return pd.DataFrame(rows, columns=list(COLUMNS))
+        columns = ["effect", "site", "probability", "shrinkage", "parameter", "value", "sigma", "low", "high", "unit"]
+        return pd.DataFrame(rows, columns=columns)
 
     def effect(self, number: int, name: str | None) -> Figure:
         """The curve of a cause with its interval."""
@@ -192,7 +177,16 @@ def diagnosis_json(d: Diagnosis | HealthCheck) -> dict[str, Any]:
     return {
         "schema": "gtpin-diagnosis/1",
         "verdict": d.verdict,
-        "causes": [_cause(c) for c in d.causes],
+        "causes": [
+            {
+                **fields(c, "effect", "site", "probability"),
+                "class": _class(c.members),
+                "parameters": {name: fields(e, "value", "sigma", "unit") for name, e in c.parameters.items()},
+                "shrinkage": c.explained_fraction,
+                **fields(c, "nature", "share"),
+            }
+            for c in d.causes
+        ],
         "also": [fields(one, "site", "rms") | {"class": _class(one.members)} for one in d.also],
         "candidates": [
             fields(c, "effect", "site", "log_evidence", "probability", "testable")
@@ -240,17 +234,6 @@ def _place(place: tuple[str, str]) -> dict[str, str]:
 
 def _class(members: Iterable[Member]) -> list[dict[str, Any]]:
     return [fields(m, "effect", "site", "probability") for m in members]
-
-
-def _cause(c: Cause) -> dict[str, Any]:
-    return {
-        **fields(c, "effect", "site", "probability"),
-        "class": _class(c.members),
-        "parameters": {name: fields(e, "value", "sigma", "unit") for name, e in c.parameters.items()},
-        "shrinkage": c.explained_fraction,
-        "nature": c.nature,
-        "share": c.share,
-    }
 
 
 def _errors(gap: Gap) -> dict[str, Any]:

@@ -19,10 +19,7 @@ from gtpin.report.figure import CURVES, DATA, Drawing, Plot, escaped, scatter, t
 from gtpin.report.residual_plots import POINTS, scale_of, shown
 from gtpin.report.residuals import Residuals, fine
 from gtpin.report.words import coordinate_words, covariate_unit, joined, quantity, typeset, with_unit
-from gtpin.typing import Floats
-
-MOST = 6
-"""Largest number of curves that are drawn per effect."""
+from gtpin.typing import Floats, Indices
 
 
 @dataclass(frozen=True)
@@ -74,12 +71,8 @@ class EffectCurve:
         return float(max(line.y.max() for line in self.lines) - min(line.y.min() for line in self.lines))
 
 
-@dataclass(frozen=True)
-class _Level:
-    label: str
-    at: OperatingPoints
-    x: npt.NDArray[np.generic]
-    rows: npt.NDArray[np.intp]
+_Level = tuple[str, OperatingPoints, npt.NDArray[np.generic], Indices]
+"""A value of a second coordinate as a label, operating points along the first one and their x, and the poses of this value."""
 
 
 def curves(active: ActiveEffect, residuals: Residuals) -> tuple[EffectCurve, ...]:
@@ -107,7 +100,7 @@ def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) ->
         return "", []
     if "session" in own:
         sessions = np.array(active.references.sessions, dtype=object)
-        return "session", [_Level("", at(session=sessions), sessions, every)]
+        return "session", [("", at(session=sessions), sessions, every)]
     columns = {name: np.asarray(residuals.columns[name], dtype=float) for name in own if name in residuals.columns}
     swept = [name for name in columns if not name.startswith("approach")]
     if not swept:
@@ -119,18 +112,15 @@ def _levels(active: ActiveEffect, residuals: Residuals, own: tuple[str, ...]) ->
     grid = fine(columns[first], active.effect.has_nonlinear)
     others = [name for name in columns if name != first]
     if not others:
-        return first, [_Level("", at(**{first: grid}), grid, every)]
+        return first, [("", at(**{first: grid}), grid, every)]
     other, values = others[0], columns[others[0]]
     steps = [-1.0, 1.0] if other.startswith("approach") else np.quantile(values, (0.1, 0.9)).tolist()
     nearest = np.abs(values[:, None] - np.array(steps)).argmin(axis=1)
     unit = covariate_unit(other, robot)
-    levels = []
+    levels: list[_Level] = []
     for k, step in enumerate(steps):
-        label, there = (
-            typeset(f"{other} = {step:.3g} {unit}".rstrip()),
-            at(**{first: grid, other: np.full(len(grid), step)}),
-        )
-        levels.append(_Level(label, there, grid, np.flatnonzero(nearest == k)))
+        label, there = f"{other} = {step:.3g} {unit}".rstrip(), at(**{first: grid, other: np.full(len(grid), step)})
+        levels.append((typeset(label), there, grid, np.flatnonzero(nearest == k)))
     return first, levels
 
 
@@ -138,7 +128,7 @@ def _swept(
     active: ActiveEffect, residuals: Residuals, there: OperatingPoints, x_name: str, levels: list[_Level]
 ) -> Iterator[EffectCurve]:
     at_poses = {motion.name: motion for motion in motions(active, there)}
-    by_level = [{motion.name: motion for motion in motions(active, level.at)} for level in levels]
+    by_level = [{motion.name: motion for motion in motions(active, at)} for _, at, _, _ in levels]
     sessions, column = x_name == "session", np.asarray(residuals.columns[x_name])
     along = column.astype(str).astype(object) if sessions else column.astype(float)
     title = with_unit(coordinate_words(x_name), covariate_unit(x_name, residuals.model.robot))
@@ -147,13 +137,13 @@ def _swept(
             continue
         parts = [level[name].columns for level in by_level]
         straightened = first.straightened and len(levels) == 1 and x_name.startswith("q")
-        parts = _less_geometry(parts, np.asarray(levels[0].x, dtype=float) if straightened else None)
+        parts = _less_geometry(parts, np.asarray(levels[0][2], dtype=float) if straightened else None)
         residual = residuals.along(residuals.after, at_poses[name].tcp)
         lines = []
-        for level, columns in zip(levels, parts, strict=True):
+        for (label, _, grid, rows), columns in zip(levels, parts, strict=True):
             y, sigma = _with_sigma(active, columns)
-            x = along[level.rows]
-            lines.append(CurveLine(level.label, level.x, y, sigma, x, _between(level.x, y, x) + residual[level.rows]))
+            x = along[rows]
+            lines.append(CurveLine(label, grid, y, sigma, x, _between(grid, y, x) + residual[rows]))
         lever = _lever(residuals, at_poses[name])
         yield EffectCurve(name, first.unit, title, tuple(lines), not sessions, straightened, lever)
 
@@ -209,8 +199,8 @@ def _with_sigma(active: ActiveEffect, columns: Floats) -> tuple[Floats, Floats]:
 
 
 def drawn_curves(found: Sequence[EffectCurve]) -> list[EffectCurve]:
-    """The curves of an effect that are drawn: those that differ from zero."""
-    return ([curve for curve in found if curve.seen] or list(found[:1]))[:MOST]
+    """The curves of an effect that are drawn: those that differ from zero, at most six."""
+    return ([curve for curve in found if curve.seen] or list(found[:1]))[:6]
 
 
 def curve_plots(name: str, found: Sequence[EffectCurve]) -> list[Plot]:

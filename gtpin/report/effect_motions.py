@@ -19,8 +19,6 @@ from gtpin.robot.placement_frames import frame_of_tcp
 from gtpin.typing import Floats
 
 FREEDOMS = ("shift along x", "shift along y", "shift along z", "turn about x", "turn about y", "turn about z")
-SMALLEST = 1e-9
-"""Displacement by a coefficient of typical size, m or rad, up to which it is a rounding error."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,7 @@ class Motion:
 
 
 def motions(active: ActiveEffect, at: OperatingPoints) -> list[Motion]:
-    """All quantities that an effect displaces by more than a rounding error."""
+    """All quantities that an effect of typical size displaces by more than a rounding error, 1e-9 m or rad."""
     basis, site, size = active.basis(at), active.site, at.robot.motion_size
     placed = _of_carrier if tracks(at.robot) else placements
     found = [*_travel(at, basis), *placed(at, site, basis)]
@@ -91,7 +89,7 @@ def motions(active: ActiveEffect, at: OperatingPoints) -> list[Motion]:
         columns = ways[:, :, :6] @ basis.twist[:, :6]
         for k, name in enumerate(FREEDOMS):
             found.append(Motion(f"{name}{own}", "m" if k < 3 else "rad", columns[:, k], ways[:, k]))
-    return [m for m in found if np.abs(m.columns * basis.sigma).max(initial=0.0) > SMALLEST]
+    return [m for m in found if np.abs(m.columns * basis.sigma).max(initial=0.0) > 1e-9]
 
 
 def _travel(at: OperatingPoints, basis: Displacement) -> list[Motion]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from importlib.util import find_spec
 from itertools import product
 from math import isfinite
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -55,8 +55,6 @@ SCALE = [[0.0, LOW], [0.45, MID], [1.0, HIGH]]
 """Colour scale of values that are not negative."""
 DIVERGING = [[0.0, ACCENT], [0.5, LOW], [1.0, HIGH]]
 """Colour scale of values of either sign."""
-EXTRA = "plots"
-"""The extra that installs plotly."""
 _AXIS = {"gridcolor": LINE, "zerolinecolor": ZERO, "linecolor": LINE, "title": {"standoff": 8}}
 LOOK: Mapping[str, Any] = {
     "paper_bgcolor": LIGHT["paper"],
@@ -93,7 +91,7 @@ class Drawing:
         try:
             from plotly.graph_objects import Figure
         except ImportError:
-            raise GtpinError("figures need plotly", hint=f"pip install 'gtpin[{EXTRA}]'") from None
+            raise GtpinError("figures need plotly", hint="pip install 'gtpin[plots]'") from None
         return Figure(data=list(self.traces), layout=self.layout)
 
 
@@ -169,13 +167,6 @@ class Plot:
         return [self.draw(**dict(zip(names, chosen, strict=True))) for chosen in options]
 
 
-class Embedded(NamedTuple):
-    """A plot for the page's template, and its JSON."""
-
-    plot: Plot
-    json: Markup
-
-
 @dataclass
 class Shared:
     """Parts that the plots of a page share, each once: arrays, and settings of traces and layouts; and the traces' kinds."""
@@ -184,14 +175,14 @@ class Shared:
     kinds: set[str] = field(default_factory=set)
     _known: dict[object, int] = field(default_factory=dict)
 
-    def embed(self, plot: Plot) -> Embedded:
-        """Draw a plot's figures, and write them with references to the shared parts."""
+    def embed(self, plot: Plot) -> Markup:
+        """The JSON of a plot's figures, with references to the shared parts."""
         figures = []
         for made in plot.drawings():
             self.kinds |= {trace.get("type", "scatter") for trace in made.traces}
             figures.append(self._written({"data": made.traces, "layout": made.layout}))
         follows = [[choice.name, len(choice.options)] for choice in plot.follows]
-        return Embedded(plot, script({"follows": follows, "figures": figures}))
+        return script({"follows": follows, "figures": figures})
 
     @property
     def json(self) -> Markup:

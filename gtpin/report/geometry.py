@@ -6,20 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtpin.model.departures import Departure, Difference, size_of
+from gtpin.model.departures import Departure, Difference, departures, size_of, track_differences
 from gtpin.model.model import Model
 from gtpin.report.page import Table
 from gtpin.report.words import counted, joined, length, quantity
+from gtpin.typing import Floats
 
-SHOWN = 5
-"""Number of parameters on a first screen."""
+IN_DOUBT = "The geometry is in doubt: the target does not look to be where it is declared."
 CLEAR = 3.0
 """Number of sigmas from which a departure is shown by name on a first screen: one of 50 parameters, as those of the Gantry-Tau,
 is beyond 3 sigmas by chance in 13 % of machines, beyond 2 in 90 %."""
-APART = 2
-"""Number of differences between tracks on a first screen."""
-SMALL = 0.02
-"""Smallest displacement, over the largest, of a departure on a first screen."""
 MOST = 0.5
 """Largest share of the squared displacement that all others may leave where it is ascribed to one parameter. Parameters can
 compensate each other, so that one of them may displace the TCP by more than all together."""
@@ -75,9 +71,9 @@ def zero_size(value: float, unit: str, sigma: float) -> str:
 
 
 def clear(found: Sequence[Departure]) -> list[Departure]:
-    """The largest departures that the data determine, for a first screen."""
+    """The departures that the data determine, for a first screen: at most five, none of less than 2 % of the largest."""
     known = [one for one in found if one.determined and abs(one.value) > CLEAR * one.sigma]
-    return [one for one in known if one.position_rms > SMALL * known[0].position_rms][:SHOWN]
+    return [one for one in known if one.position_rms > 0.02 * known[0].position_rms][:5]
 
 
 def point_of(model: Model) -> str:
@@ -85,11 +81,15 @@ def point_of(model: Model) -> str:
     return "target" if model.free_target else "TCP"
 
 
-def _head(point: str) -> tuple[str, str, str]:
-    return "parameter", "change from nominal", f"at the {point}, RMS"
+def geometry_words(model: Model, q: Floats) -> tuple[str, list[Table]]:
+    """A model's departures over commands q (N, n) as a sentence and a table; of a geometry in doubt, that it is."""
+    if model.doubt:
+        return IN_DOUBT, []
+    found, point = departures(model, q), point_of(model)
+    return geometry_line(found, track_differences(model), point), geometry_table(found, point)
 
 
-def geometry_table(found: Sequence[Departure], point: str = "TCP") -> list[Table]:
+def geometry_table(found: Sequence[Departure], point: str) -> list[Table]:
     """The largest departures, and all others together; empty of a nominal geometry. ``point``: as :func:`point_of` has it."""
     named = clear(found)
     rows = [[departure_words(one), change_words(one), length(one.position_rms)] for one in named]
@@ -99,22 +99,34 @@ def geometry_table(found: Sequence[Departure], point: str = "TCP") -> list[Table
         whole = size_of(np.sum([one.displacement for one in found], axis=0))
         rows += [["all others together", "", length(together)]] if named else []
         rows.append(["all parameters together", "", length(whole)])
-    return [Table(_head(point), rows, (1, 2))] if rows else []
+    return [_table(rows, point)] if rows else []
 
 
-def geometry_line(found: Sequence[Departure], apart: Sequence[Difference] = (), point: str = "TCP") -> str:
+def all_departures(found: Sequence[Departure], point: str) -> Table:
+    """All departures, with what the data do not determine marked."""
+    changes = [change_words(one) if one.determined else "not determined" for one in found]
+    rows = zip(map(departure_words, found), changes, (length(one.position_rms) for one in found), strict=True)
+    return _table([[*row] for row in rows], point)
+
+
+def _table(rows: list[list[str]], point: str) -> Table:
+    return Table(("parameter", "change from nominal", f"at the {point}, RMS"), rows, (1, 2))
+
+
+def geometry_line(found: Sequence[Departure], apart: Sequence[Difference], point: str) -> str:
     """Which parameters make the error of the nominal geometry, in a sentence, and of which only differences are known; empty of
     a nominal geometry. ``apart``: such differences, of which those that are determined are named. ``point``: as
     :func:`point_of` has it."""
-    common = dict.fromkeys(COMMON[one.what] for one in clear(found) if one.relative and one.what in COMMON)
-    relative = (
-        f" A common {joined(list(common))} is not determined: only differences between them are." if common else ""
-    )
-    named = {one.name for one in clear(found)}
-    apart = [one for one in apart if abs(one.value) > CLEAR * one.sigma and not {one.first, one.second} <= named]
-    said = [f"{d.first} less {d.second} {quantity(d.value, d.unit, d.sigma)}" for d in apart[:APART]]
-    known = f" Determined between tracks, and of none alone: {joined(said)}." if said else ""
-    return _largest(found, point) + relative + known if found else ""
+    if not found:
+        return ""
+    words, named = _largest(found, point), clear(found)
+    if common := dict.fromkeys(COMMON[one.what] for one in named if one.relative and one.what in COMMON):
+        words += f" A common {joined(list(common))} is not determined: only differences between them are."
+    names = {one.name for one in named}
+    apart = [one for one in apart if abs(one.value) > CLEAR * one.sigma and not {one.first, one.second} <= names]
+    if said := [f"{d.first} less {d.second} {quantity(d.value, d.unit, d.sigma)}" for d in apart[:2]]:
+        words += f" Determined between tracks, and of none alone: {joined(said)}."
+    return words
 
 
 def _largest(found: Sequence[Departure], point: str) -> str:
@@ -134,12 +146,3 @@ def _largest(found: Sequence[Departure], point: str) -> str:
         f"Geometry: its parameters move the {point} by {length(whole)} together. The largest that these data determine: {what} "
         f"({size} alone)."
     )
-
-
-def all_departures(found: Sequence[Departure], point: str = "TCP") -> Table:
-    """All departures, with what the data do not determine marked."""
-    rows = [
-        [departure_words(one), change_words(one) if one.determined else "not determined", length(one.position_rms)]
-        for one in found
-    ]
-    return Table(_head(point), rows, (1, 2))

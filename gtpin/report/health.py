@@ -11,17 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gtpin.diagnosis.result import HealthCheck
+from gtpin.output.results import fields
 from gtpin.report.diagnosis import DIAGNOSIS, diagnosis_json, write_findings
 from gtpin.report.page import Lead, PagePresentation, Section, Table, provenance
-from gtpin.report.phrases import (
-    badge,
-    cause_lines,
-    cause_rows,
-    doubt_words,
-    named,
-    overlap,
-    remedy,
-)
+from gtpin.report.phrases import badge, cause_lines, cause_rows, doubt_words, named, overlap, remedy
 from gtpin.report.sections.causes import causes_of
 from gtpin.report.sections.evidence import evidence_of, untestable_of
 from gtpin.report.sketch import drawing
@@ -33,12 +26,6 @@ from gtpin.threads import in_one_thread
 if TYPE_CHECKING:
     import pandas as pd
 
-NEVER = (
-    "This model was never identified: its geometry was fitted to these poses within its tolerances, and errors are those that "
-    "such a fit leaves, not those of the nominal geometry. Give a model that gtpin calibrate or diagnose wrote to see changes."
-)
-"""Sentence of a check against a nominal robot."""
-
 
 @dataclass(frozen=True)
 class HealthCheckPresentation(PagePresentation):
@@ -47,11 +34,6 @@ class HealthCheckPresentation(PagePresentation):
 
     check: HealthCheck
     files = DIAGNOSIS
-
-    @property
-    def title(self) -> str:
-        """The title of the page."""
-        return f"{self.check.model.robot.name}: {self.lead.badge}"
 
     @cached_property
     def lead(self) -> Lead:
@@ -62,18 +44,20 @@ class HealthCheckPresentation(PagePresentation):
         numbers = [(size.before, f"{error}, each pose predicted by {what} and all others, RMS")]
         numbers += [(size.after, "with the changes")] if c.causes else []
         numbers.append((size.floor, "noise alone" if c.noise_known else "residuals of the earlier model's fit"))
+        short = badge(c) or ("no change" if _identified(c) else "as nominal")
         changes = Table(("change", "probability", "parameters", "part of the error"), cause_rows(c), (1,), wide=(0, 2))
         return Lead(
             f"Check of {c.model.robot.name} against {what} · {c.poses} poses",
             headline(c),
             [*advice(c), power_words(c), untested(c)],
             numbers,
-            badge(c) or ("no change" if _identified(c) else "as nominal"),
+            short,
             TONES[c.verdict],
             drawing(c.baseline, np.median(c.dataset.q, axis=0), causes=[cause.site for cause in c.causes]),
             content=[changes] if c.causes else [],
             steps=check_steps(c),
             warnings=c.warnings,
+            tab=f"{c.model.robot.name}: {short}",
         )
 
     @cached_property
@@ -122,15 +106,9 @@ class HealthCheckPresentation(PagePresentation):
             "poses": check.poses,
             "set_aside": list(check.set_aside),
             "frame": "free" if check.free_frame else "robot",
-            "false_alarm": check.false_alarm,
-            "threshold": check.threshold,
-            "power": check.power,
+            **fields(check, "false_alarm", "threshold", "power"),
             "assumed": list(check.assumed),
-            "unexplained": {
-                "position": check.unexplained_before.position,
-                "orientation": check.unexplained_before.orientation,
-                "noise_known": check.noise_known,
-            },
+            "unexplained": fields(check.unexplained_before, "position", "orientation") | fields(check, "noise_known"),
             "smallest": [asdict(s) for s in check.smallest],
         }
         return found
@@ -158,10 +136,8 @@ def headline(check: HealthCheck) -> str:
     """The changes: at most three lines."""
     known, unknown = _identified(check), check.verdict == "unknown"
     if check.verdict == "none":
-        what = (
-            "Nothing has changed since the model was identified" if known else "Only the geometry differs from nominal"
-        )
-        return f"{what}, as far as these poses show."
+        what = "Nothing has changed since the model was identified"
+        return f"{what if known else 'Only the geometry differs from nominal'}, as far as these poses show."
     lines = cause_lines(check, "error beyond noise")
     if unknown:
         what = "has changed" if known else "differs from nominal"
@@ -176,7 +152,13 @@ def _identified(check: HealthCheck) -> bool:
 
 def advice(check: HealthCheck) -> list[str]:
     """What to do, and what limits the check."""
-    robot, left, found = check.model.robot, check.unexplained_before, [] if _identified(check) else [NEVER]
+    robot, left, found = check.model.robot, check.unexplained_before, list[str]()
+    if not _identified(check):
+        found.append(
+            "This model was never identified: its geometry was fitted to these poses within its tolerances, and errors are "
+            "those that such a fit leaves, not those of the nominal geometry. Give a model that gtpin calibrate or diagnose "
+            "wrote to see changes."
+        )
     found += [f"{named(check.effect(c.effect), c.site)}: {remedy(check.effect(c.effect), robot)}" for c in check.causes]
     found += filter(None, [overlap(check)])
     if check.verdict == "unknown":
@@ -202,9 +184,8 @@ def advice(check: HealthCheck) -> list[str]:
         where = "the model's poses too" if recorded else "the model's poses and at the check's"
         found.append(f"{joined(list(check.assumed))} could have changed: record it at {where}.")
     if check.free_frame:
-        found.append(
-            "The pose of the instrument is unknown: changes that look like another pose of it are not detected."
-        )
+        pose = "The pose of the instrument is unknown"
+        found.append(f"{pose}: changes that look like another pose of it are not detected.")
     return found
 
 

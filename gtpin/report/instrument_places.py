@@ -128,6 +128,5 @@ def patch(point: Floats, normal: Floats, half: float) -> Floats:
     ``point``, ``normal``: (3,) middle of the square, m, and its unit normal. ``half``: half its side, m.
     """
     first, second = rotation_axes(normal)[:2]
-    return np.array(
-        [point + half * (a * first + b * second) for a, b in ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))]
-    )
+    corners = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+    return np.array([point + half * (a * first + b * second) for a, b in corners])

@@ -34,14 +34,14 @@ class ExperimentPresentation:
 
     def short(self) -> str:
         """What to measure, and for what purpose, in a sentence or two."""
-        e, robot = self.experiment, self.experiment.robot
+        e = self.experiment
         if e.visits is not None:
-            again = _visits(e, e.visits, robot)
+            again = _visits(e, e.visits)
             if not e.visits.site:
                 return f"{again}: they show whether the unknown error repeats."
             depends = f"{site_words(e.visits.site)} depends on {coordinate_words(e.visits.coordinates)}"
             return f"{again}: the unknown effect at {depends}."
-        return _apart(e, robot) if e.lacking is None else _testable(e, e.lacking, robot)
+        return _apart(e) if e.lacking is None else _testable(e, e.lacking)
 
 
 def write_experiments(d: Diagnosis | HealthCheck, folder: Path) -> None:
@@ -83,16 +83,16 @@ def experiment_notes(d: Diagnosis) -> Iterator[Note]:
         yield Note(content)
 
 
-def _apart(e: Experiment, robot: Chain) -> str:
+def _apart(e: Experiment) -> str:
     first, *others = (known_as(*name.split("@")) if "@" in name else name for name in e.separates)
     pair = f"{first} from {joined(others or ['no effect'])}"
     if not len(e.poses):
-        return f"No reachable poses distinguish {pair}: {_watch(e.watch, robot)}."
-    measure = f"Measure these {len(e.poses)} poses to distinguish {pair}{_settings(e, robot)}"
+        return f"No reachable poses distinguish {pair}: {_watch(e.watch, e.robot)}."
+    measure = f"Measure these {len(e.poses)} poses to distinguish {pair}{_settings(e)}"
     if e.settles is None:
         return f"{measure}."
     if e.settles < LIKELY and e.rounds is None and e.watch:
-        return f"Poses do not distinguish {pair}. Instead, {_watch(e.watch, robot)}."
+        return f"Poses do not distinguish {pair}. Instead, {_watch(e.watch, e.robot)}."
     count = f"More than {MOST_ROUNDS}" if e.rounds is None else f"About {e.rounds}"
     more = "" if e.rounds == 1 else f" {count} such measurements are needed."
     if e.settles < LIKELY:
@@ -100,7 +100,7 @@ def _apart(e: Experiment, robot: Chain) -> str:
     return f"{measure}: this settles the question with a probability of {chance(e.settles)}.{more}"
 
 
-def _testable(e: Experiment, lacking: Lacking, robot: Chain) -> str:
+def _testable(e: Experiment, lacking: Lacking) -> str:
     sites: dict[str, list[str]] = {}
     for effect, site in e.effects:
         name, where = known_as(effect, site).rsplit(" at ", 1)
@@ -108,19 +108,15 @@ def _testable(e: Experiment, lacking: Lacking, robot: Chain) -> str:
     effects = joined([f"{name} at {joined(places)}" for name, places in sites.items()], "and also")
     if not len(e.poses):
         reason = reason_words(lacking.reason, e.effects[0][1])
-        return f"No reachable poses make {effects} testable, because {reason}: {_watch(e.watch, robot)}."
-    return f"{_remedy(lacking)}{len(e.poses)} poses make {effects} testable{_settings(e, robot)}."
-
-
-def _remedy(lacking: Lacking) -> str:
-    """What must differ from the measurements so far, as the beginning of a sentence."""
+        return f"No reachable poses make {effects} testable, because {reason}: {_watch(e.watch, e.robot)}."
+    poses = f"{len(e.poses)} poses make {effects} testable{_settings(e)}."
     if not lacking.covariates:
-        return "These "
-    what = f"{'Record and vary' if lacking.missing else 'Vary'} {joined(list(lacking.covariates))}"
+        return f"These {poses}"
+    change = f"{'Record and vary' if lacking.missing else 'Vary'} {joined(list(lacking.covariates))}"
     if lacking.covariates == ("session",):
         column = "Add a column session, with one name for all measurements so far and others for these"
-        what = column if lacking.missing else "Begin further sessions"
-    return f"{what}: these "
+        change = column if lacking.missing else "Begin further sessions"
+    return f"{change}: these {poses}"
 
 
 def _watch(sites: Sequence[str], robot: Chain) -> str:
@@ -139,18 +135,18 @@ def _watch(sites: Sequence[str], robot: Chain) -> str:
     return "; or ".join(said for said, wanted in words.items() if wanted)
 
 
-def _visits(e: Experiment, visits: Visits, robot: Chain) -> str:
+def _visits(e: Experiment, visits: Visits) -> str:
     if visits.pattern == "spread":
         return f"Visit {len(e.poses)} poses all over the workspace, at rest, with all other conditions unchanged"
     if visits.pattern == "net":
         return f"Move {joined(list(visits.actuators))} alone, over a grid of {len(e.poses)} poses"
     if visits.pattern == "line":
         (site,), there = visits.actuators, e.poses[: len(e.poses) // 2]
-        first, last = there[[0, -1], robot.sites.index(site)]
+        first, last = there[[0, -1], e.robot.sites.index(site)]
         return f"Move {site} alone, in {len(there)} equal steps from {first:.3f} to {last:.3f}, and back"
     if visits.pattern == "again":
         return f"Visit {visits.stations} of the measured poses twice more each, with all other conditions unchanged"
-    return f"Visit the same {visits.stations} poses {_repeated(visits, robot)}"
+    return f"Visit the same {visits.stations} poses {_repeated(visits, e.robot)}"
 
 
 def _repeated(visits: Visits, robot: Chain) -> str:
@@ -171,12 +167,12 @@ def _repeated(visits: Visits, robot: Chain) -> str:
     return f"{times} times with {named} of {joined([f'{level:.3g}' for level in levels])}"
 
 
-def _settings(e: Experiment, robot: Chain) -> str:
+def _settings(e: Experiment) -> str:
     """Conditions to set in addition to the commands, as the end of a sentence; can be empty."""
     kinds: dict[str, dict[str, Column]] = {}
     for name, values in e.covariates.items():
         kinds.setdefault(kind(name), {})[name] = values
-    return "".join(f"; {_setting(what, values, robot, e.reference_temperature)}" for what, values in kinds.items())
+    return "".join(f"; {_setting(what, values, e.robot, e.reference_temperature)}" for what, values in kinds.items())
 
 
 def _setting(what: str, covariates: Mapping[str, Column], robot: Chain, reference: float) -> str:

@@ -95,10 +95,9 @@ class Bar:
 
 @dataclass(frozen=True)
 class Bars:
-    """Horizontal bars; ``beside``: several groups of bars with titles, beside each other."""
+    """Horizontal bars, in groups beside each other; a group without a title is alone."""
 
-    rows: Sequence[Bar] = ()
-    beside: Sequence[tuple[str, Sequence[Bar]]] = ()
+    groups: Sequence[tuple[str, Sequence[Bar]]]
 
 
 @dataclass(frozen=True)
@@ -169,7 +168,7 @@ class Step:
 class Lead:
     """The first screen of a page and of a terminal.
 
-    - ``eyebrow``: what the page is of.
+    - ``eyebrow``, ``tab``: what the page is of, and its title in a browser.
     - ``headline``, ``advice``: the result, a sentence a line, and paragraphs below it.
     - ``numbers``: key figures: value, and what it is.
     - ``badge``, ``tone``: a short verdict, and the name of its colour; empty: none.
@@ -190,6 +189,7 @@ class Lead:
     content: Sequence[Block] = ()
     steps: Sequence[Step] = ()
     warnings: Sequence[str] = ()
+    tab: str = ""
 
     @property
     def title(self) -> str:
@@ -219,9 +219,8 @@ def in_terminal(content: Iterable[Block]) -> Iterator[RenderableType]:
             case Table():
                 yield block.printed()
             case Bars():
-                for title, rows in [("", block.rows), *block.beside]:
-                    if rows:
-                        yield Table((title, ""), [(bar.name, bar.value) for bar in rows], (1,)).printed()
+                for title, rows in block.groups:
+                    yield Table((title, ""), [(bar.name, bar.value) for bar in rows], (1,)).printed()
             case Heading():
                 yield f"\n{block.words}"
             case Items():
@@ -247,11 +246,6 @@ def as_text(*parts: RenderableType) -> str:
 
 class PagePresentation(SavedPresentation):
     """A result with a page, which its texts are made from too."""
-
-    @property
-    @abstractmethod
-    def title(self) -> str:
-        """The title of the page in a browser."""
 
     @property
     @abstractmethod
@@ -287,17 +281,14 @@ class PagePresentation(SavedPresentation):
 
     def page(self) -> str:
         """The whole report as one self-contained HTML file."""
-        return report(self.title, self.lead, self.sections, self.origin)
+        return report(self.lead, [*self.sections, Section("provenance", "Provenance", [self.origin])])
 
 
-def report(title: str, lead: Lead, sections: Sequence[Section], provenance: Table | None = None) -> str:
-    """A page of sections as one self-contained HTML file.
+def report(lead: Lead, sections: Sequence[Section]) -> str:
+    """A page of sections as one self-contained HTML file, in which text is escaped.
 
-    ``title``: title in the browser's tab. ``provenance``: versions, and digests of the data of the page. Text is escaped. No
-    plot is drawn if a kind of them needs plotly and it is not installed.
+    No plot is drawn if a kind of them needs plotly and it is not installed.
     """
-    links = [(section.id, section.entry or section.title) for section in sections]
-    links += [("provenance", "Provenance")] if provenance else []
     blocks = [*lead.content, *(block for section in sections for block in section.content)]
     plots = [plot for block in blocks if isinstance(block, Plots) for plot in block.plots]
     shared, environment = Shared(), _environment()
@@ -307,16 +298,13 @@ def report(title: str, lead: Lead, sections: Sequence[Section], provenance: Tabl
     # The page's security policy allows only scripts with these hashes.
     hashes = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
     return environment.get_template("report.html").render(
-        title=title,
         lead=lead,
         sections=sections,
-        contents=links,
-        embedded=lambda some: [by_plot[id(plot)] for plot in some] if library else [],
+        embedded=lambda plot: by_plot[id(plot)],
         drawn=library is not None or not plots,
         scripts=scripts,
         script_hashes=[f"'sha256-{one}'" for one in hashes],
         shared=shared.json,
-        provenance=provenance,
         version=version("gtpin"),
     )
 
@@ -352,16 +340,13 @@ def _environment() -> Environment:
     return found
 
 
-PACKAGES = ("numpy", "scipy")
-
-
 def versions() -> list[list[str]]:
     """Name and version of gtpin, of the packages that it computes with, and of Python.
 
     The version of Pinocchio is that of its module, because the distribution is called ``pin`` on PyPI and can have another name
     elsewhere.
     """
-    packages = [[name, version(name)] for name in PACKAGES]
+    packages = [[name, version(name)] for name in ("numpy", "scipy")]
     return [["gtpin", version("gtpin")], ["pin", pin.__version__], *packages, ["Python", platform.python_version()]]
 
 

@@ -26,6 +26,8 @@ TURN = 2.0 * np.pi
 OVERLAP = 0.03
 """Difference between the sum of shares and their common share from which they overlap."""
 ORDINALS = {"1": "1st", "2": "2nd", "3": "3rd"}
+TWO_AXES = {"difference": "more about a than b", "skew": "about a by a load about b"}
+"""Parameters of what gives way about two axes a and b, in words."""
 REASONS = {
     "missing": "the covariate {covariate} is missing",
     "unusable": "the values of the covariate {covariate} can't be used: a warning says why",
@@ -180,17 +182,13 @@ def parameter_rows(cause: Cause) -> list[list[str]]:
     return rows
 
 
-TWO_AXES = {"difference": "more about a than b", "skew": "about a by a load about b"}
-"""Parameters of what gives way about two axes a and b, in words."""
-
-
 def _in_words(name: str) -> str:
     """The name of a parameter of an effect; ``end_to_end[2]`` is the change along the range of the second other drive."""
-    words, _, number = name.replace("_", " ").rstrip("]").partition("[")
-    if words != "end to end" or not number:
-        plain, _, last = name.rpartition("_")
-        return f"{plain} ({last})" if last.isdigit() else TWO_AXES.get(name, name.replace("_", " "))
-    return f"{ORDINALS.get(number, f'{number}th')} other drive"
+    if name.startswith("end_to_end["):
+        number = name[len("end_to_end[") : -1]
+        return f"{ORDINALS.get(number, f'{number}th')} other drive"
+    plain, _, last = name.rpartition("_")
+    return f"{plain} ({last})" if last.isdigit() else TWO_AXES.get(name, name.replace("_", " "))
 
 
 def _periodic(name: str, unit: str) -> bool:

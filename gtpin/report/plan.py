@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
 
-from gtpin.output.results import json_text
+from gtpin.output.results import fields, json_text
 from gtpin.output.shown import SavedPresentation
 from gtpin.planning.plan import PosePlan, checked_first
 from gtpin.report.page import Table, as_text
@@ -18,9 +18,6 @@ from gtpin.report.words import counted, length, percent, quantity
 
 if TYPE_CHECKING:
     import pandas as pd
-
-SHOWN = 12
-"""Largest number of effects in the table of a plan for discrimination."""
 
 
 @dataclass(frozen=True)
@@ -66,14 +63,10 @@ class PosePlanPresentation(SavedPresentation):
             "robot": plan.model.robot.name,
             "poses": len(plan.commands),
             "frame": plan.frame,
-            "noise": {
-                "position_sigma": plan.noise.position_sigma,
-                "orientation_sigma": plan.noise.orientation_sigma,
-                "drives": plan.noise.repeatability,
-            },
+            "noise": fields(plan.noise, "position_sigma", "orientation_sigma") | {"drives": plan.noise.repeatability},
         }
         if plan.purpose == "health":
-            found |= {"false_alarm": plan.false_alarm, "power": plan.power, "threshold": plan.threshold}
+            found |= fields(plan, "false_alarm", "power", "threshold")
             found["smallest"] = [asdict(one) for one in plan.smallest]
         elif plan.purpose == "discrimination":
             found["told"] = [asdict(one) for one in plan.told]
@@ -92,9 +85,8 @@ class PosePlanPresentation(SavedPresentation):
                 f"Error of predicted positions after the calibration: {error}.",
             ]
         if plan.purpose == "discrimination":
-            return [
-                f"{count} poses that distinguish {counted(len(plan.told), 'effect')} from each other and from no effect."
-            ]
+            effects = counted(len(plan.told), "effect")
+            return [f"{count} poses that distinguish {effects} from each other and from no effect."]
         place = "by an instrument that may stand anywhere" if plan.frame == "free" else "in the base frame"
         return [
             f"{count} poses for a check, measured {place}. A change of the size in the table is detected in "
@@ -102,10 +94,10 @@ class PosePlanPresentation(SavedPresentation):
         ]
 
     def _shown(self) -> Table | None:
-        """The changes or effects for which the plan chose its poses, each with its smallest size or its sigma."""
+        """The changes or, at most 12, effects for which the plan chose its poses, each with its smallest size or its sigma."""
         plan, rows = self.plan, list[list[str]]()
         if plan.purpose == "discrimination":
-            for told in sorted(plan.told, key=lambda one: one.sigma / max(one.sigma_random, 1e-300))[:SHOWN]:
+            for told in sorted(plan.told, key=lambda one: one.sigma / max(one.sigma_random, 1e-300))[:12]:
                 name = f"{known_as(told.effect, told.site)}, {told.parameter.replace('_', ' ')}"
                 rows.append([name, *(quantity(sigma, told.unit) for sigma in (told.sigma, told.sigma_random))])
             return Table(("effect", "1 sigma", "of random poses"), rows, whole=True)

@@ -81,33 +81,20 @@ class View:
 
 
 @dataclass(frozen=True)
-class Along:
-    """The causes' prediction of residuals on a fine grid along a column, with all other coordinates held constant.
-
-    ``x``: (m,) values of the column; NaN between two lines. ``fit``: by component, (m,): the causes' displacement, plus a
-    straight line that is fitted to the rest of ``before - after`` of the residuals, because geometry absorbs a straight
-    line.
-    """
-
-    x: Floats
-    fit: dict[str, Floats]
-
-
-@dataclass(frozen=True)
 class ColumnFit:
     """A command or covariate that residuals are plotted against.
 
     - ``name``, ``title``: the column, and the title of its axis.
     - ``values``: (N,) its values; texts where there are few different ones, which are then shown by box plots.
     - ``order``: the few different values, in order; None for a column of numbers.
-    - ``line``: the causes' prediction of the residuals along the column; None where no cause depends on it.
+    - ``line``: the causes' prediction of the residuals along the column, from :func:`fit_along`; None: no cause depends on it.
     """
 
     name: str
     title: str
     values: npt.NDArray[np.generic]
     order: tuple[str, ...] | None
-    line: Along | None
+    line: dict[str, tuple[Floats, Floats]] | None
 
     def groups(self, rows: Indices) -> list[Indices]:
         """Groups of neighbouring poses, among some rows, whose means are drawn; poses of one value are in one group."""
@@ -182,10 +169,13 @@ def column(residuals: Residuals, name: str, causes: bool = True) -> ColumnFit:
     return ColumnFit(name, title, np.array(words, dtype=object), tuple(order), None)
 
 
-def fit_along(residuals: Residuals, name: str) -> Along | None:
-    """The causes' line along a numeric column; None if no cause depends on it, or depends more on another coordinate.
+def fit_along(residuals: Residuals, name: str) -> dict[str, tuple[Floats, Floats]] | None:
+    """The causes' prediction by component: (m,) values of a numeric column on a fine grid, and (m,) residuals, with all other
+    coordinates held constant; None if no cause depends on the column, or depends more on another coordinate.
 
-    If they also depend on a coordinate with few values, such as a direction of approach, there is one line for each value.
+    It is the causes' displacement, plus a straight line that is fitted to the rest of ``before - after`` of the residuals,
+    because geometry absorbs a straight line. If the causes also depend on a coordinate with few values, such as a direction of
+    approach, there is one line for each value, and NaN between two.
     """
     model, column = residuals.model, residuals.columns.get(name)
     own = tuple(e for e in model.effects if name in e.effect.coordinates(model.robot, e.site))
@@ -205,12 +195,13 @@ def fit_along(residuals: Residuals, name: str) -> Along | None:
         return None
     moved = [model.kinematics.command_jacobian(q, model.kinematics.forward(q)) for q, _ in middles]
     gap, fit = [np.nan], {}
+    x = np.concatenate([part for _ in levels for part in (grid, gap)])
     for c in residuals.component_names:
         taken = residuals.component(c, residuals.before - residuals.after - seen)
         slope, level = np.polyfit(data, taken, 1)
         lines = [residuals.component(c, *both) + (slope * grid + level) for both in zip(made, moved, strict=True)]
-        fit[c] = np.concatenate([part for line in lines for part in (line, gap)])
-    return Along(np.concatenate([part for _ in levels for part in (grid, gap)]), fit)
+        fit[c] = (x, np.concatenate([part for line in lines for part in (line, gap)]))
+    return fit
 
 
 def _made(residuals: Residuals, own: tuple[ActiveEffect, ...], q: Floats, known: Mapping[str, Values]) -> Floats:
@@ -325,7 +316,7 @@ def _drawing(residuals: Residuals, against: ColumnFit, seen: View, causes: bool,
         for y, name, color in layers
     ]
     if against.line is not None and not after:  # not means, which would average out a short period
-        x, y = against.line.x, seen.factor * against.line.fit[seen.name]
+        x, y = against.line[seen.name][0], seen.factor * against.line[seen.name][1]
         name, look = "the same along the column, all else constant", {"color": FIT, "width": 1.4}
     else:
         groups, values = against.groups(seen.rows), against.values.astype(float)

@@ -16,8 +16,6 @@ from gtpin.typing import Floats
 Kind = Literal["track", "arm", "bracket", "rod", "link", "fixed"]
 """A cart's path; from a turning actuator's axis to its joints; from a cart to its joints; a rod; a moving link of a chain; a
 part that no actuator moves."""
-BARE: tuple[Kind, ...] = ("rod", "link", "fixed")
-"""Lines that should not hide each other in a picture."""
 WIDTH, HEIGHT, MARGIN = 560.0, 400.0, 46.0
 """Size of a sketch, pixels."""
 ELEVATION = np.deg2rad(24.0)
@@ -177,7 +175,7 @@ def _axes(up: Floats, azimuth: float) -> Floats:
 
 def _open(machine: Skeleton, axes: Floats) -> float:
     """Score of a view: larger where the lines' ends and middles are farther apart in the picture, and it is less flat."""
-    lines = np.array([line.ends for line in machine.of(*BARE)]) @ axes.T
+    lines = np.array([line.ends for line in machine.of("rod", "link", "fixed")]) @ axes.T
     flat = np.vstack([lines[:, 0], lines.mean(axis=1)])
     apart = np.linalg.norm(flat[:, None] - flat[None, :], axis=2)[np.triu_indices(len(flat), 1)]
     size = np.ptp(machine.points @ axes.T, axis=0)

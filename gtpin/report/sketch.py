@@ -31,14 +31,8 @@ EDGES = {"rod": 10.0, "link": 15.0}
 PATCH = 0.12
 """Half the side of a plane's patch, over the machine's size."""
 THIN = "stroke:var(--accent);stroke-width:1.2"
-STATION = np.array([[0.0, -7.0], [6.0, 5.0], [-6.0, 5.0]])
-"""Corners of the mark of a station, pixels."""
-AXIS = 15.0
-"""Half the length of a joint's axis as drawn, pixels."""
 LETTER, LINE = 8.6, 19.0
 """Width of a letter and height of a line, pixels: between those of a wide and of a narrow page, whose letters are larger."""
-FAR = 24.0
-"""Distance of a label from its spot, pixels, from which a line joins them."""
 COVERED, JOINT, CROSSED = 1e3, 12.0, 0.35
 """Costs of a label on another one, on a joint, and on a twentieth of a line; the cost of a pixel of distance is a tenth."""
 ROUND = ((1, 0), (-1, 0), (0, -1), (0, 1), *((side, row) for row in (-1, 1, -2, 2, -3, 3, -4, 4) for side in (1, -1)))
@@ -92,9 +86,8 @@ def sketch(
         *_corners(shades, causes),
         *_labels(machine, at, site_share, causes),
     ]
-    first = ", ".join(
-        _named(site) for site, share in sorted(site_share.items(), key=lambda one: -one[1]) if share >= SHOWN
-    )
+    order = sorted(site_share, key=lambda site: -site_share[site])
+    first = ", ".join(_named(site) for site in order if site_share[site] >= SHOWN)
     name = escape(f"The machine; the reddest parts first: {first}" if first else "The machine")
     head = f'<svg class="drawing" viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" role="img" aria-label="{name}">'
     return Markup("".join([head, *parts, "</svg>"]))
@@ -123,7 +116,8 @@ def _instruments(
         yield f'<line x1="{x:.1f}" y1="{y:.1f}" x2="{u:.1f}" y2="{v:.1f}" style="{look}"/>'
     for name, place in places.stations.items():
         x, y = at(place)[0]
-        yield _polygon(at(place) + STATION, "fill:var(--accent)") + _small(x, y + 17.0, name)
+        corners = np.array([[x, y - 7.0], [x + 6.0, y + 5.0], [x - 6.0, y + 5.0]])
+        yield _polygon(corners, "fill:var(--accent)") + _small(x, y + 17.0, name)
     for name, place in places.sockets.items():  # they are too close together for names
         x, y = at(place)[0]
         title = f"<title>{escape(name)}</title>"
@@ -158,7 +152,7 @@ def _spots(machine: Skeleton, at: Camera, shades: Mapping[str, str], causes: Col
                     yield _line(at(one.ends), fill, 3.0)
             yield f'<rect x="{x - 9:.1f}" y="{y - 7:.1f}" width="18" height="14" rx="3" style="fill:{fill}"/>'
         else:
-            reach = AXIS / at.scale * spot.axis
+            reach = 15.0 / at.scale * spot.axis  # pixels
             yield _line(at(np.stack([spot.at - reach, spot.at + reach])), "var(--ink)", 1.4)
             look = f"fill:{fill};stroke:var(--ink);stroke-width:1.2"
             title = f"<title>{escape(spot.site)}</title>"
@@ -179,8 +173,8 @@ def _tcp(machine: Skeleton, at: Camera, shades: Mapping[str, str], causes: Colle
 def _corners(shades: Mapping[str, str], causes: Collection[str]) -> Iterator[str]:
     """Symbols at the lower corners: three lines for all links together, and a tripod for the instrument; empty without
     shares."""
-    for site, x in ((site, x) for site, x in CORNERS.items() if site in shades):
-        y, shade, spread = HEIGHT - 41.0, shades[site], 10.0 if site == "arm" else 0.0
+    for site in [site for site in CORNERS if site in shades]:
+        x, y, shade, spread = CORNERS[site], HEIGHT - 41.0, shades[site], 10.0 if site == "arm" else 0.0
         for k in (-1.0, 0.0, 1.0):
             ends = np.array([[x + k * spread, y - 12.0], [x + k * 10.0, y + 12.0]])
             yield _line(ends, shade, 2.6)
@@ -272,7 +266,7 @@ class Labels:
                 best, cost, anchor = box, price, "start" if side > 0 else "end" if side else "middle"
         self.taken.append(best)
         x = {"start": best[0], "end": best[2], "middle": (best[0] + best[2]) / 2.0}[anchor]
-        end = np.clip(spot, best[:2], best[2:]) if _distance(spot, best) > FAR else None
+        end = np.clip(spot, best[:2], best[2:]) if _distance(spot, best) > 24.0 else None
         return f'x="{x:.1f}" y="{best[3] - 0.28 * high:.1f}" text-anchor="{anchor}"', end
 
 

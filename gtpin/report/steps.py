@@ -59,10 +59,8 @@ def steps(d: Diagnosis) -> list[Step]:
     wanted = members | ({"unknown"} if d.verdict == "unknown" else set())
     found += [Step(e.measure) for e in d.next_experiment if wanted & {*e.separates}][:1]
     if d.verdict == "explained":
-        confirm = (
-            "Confirm: repair the cause or load the corrections, then measure as many poses again and diagnose them."
-        )
-        found.append(Step(f"{confirm} Only noise should be left."))
+        repair = "repair the cause or load the corrections, then measure as many poses again and diagnose them"
+        found.append(Step(f"Confirm: {repair}. Only noise should be left."))
     return found
 
 
@@ -102,9 +100,7 @@ def geometry_steps(model: Model, explained: bool, folder: str = "DIR", words: st
     """
     found = [Step(f"The calibrated geometry for other programs{words}:", f"gtpin export {folder} -o corrected.urdf")]
     if explained and chain_of(model.robot):
-        found.append(
-            Step("What to add to the controller's table:", f"gtpin export {folder} -o dh.csv --format dh"),
-        )
+        found.append(Step("What to add to the controller's table:", f"gtpin export {folder} -o dh.csv --format dh"))
     return found
 
 
@@ -115,10 +111,9 @@ def _geometry(d: Diagnosis) -> tuple[str, str, float]:
         return "DIR", "", np.inf
     own = _left(d, ())
     folder, error = ("DIR/baseline", before) if before < NEARER * own else ("DIR", own)
-    other = (
-        f", calibrated without the causes; that of DIR: {length(own)}" if folder != "DIR" else ", without the causes"
-    )
-    return folder, f" ({length(error)} at left-out poses{other})", error
+    other = f", calibrated without the causes; that of DIR: {length(own)}"
+    words = f" ({length(error)} at left-out poses{other if folder != 'DIR' else ', without the causes'})"
+    return folder, words, error
 
 
 def _left(d: Diagnosis, held: Collection[str]) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 
@@ -30,14 +30,7 @@ from gtpin.report.phrases import (
     sentence,
     sure_and_doubtful,
 )
-from gtpin.report.words import (
-    coordinate_words,
-    joined,
-    length,
-    percent,
-    quantity,
-    site_words,
-)
+from gtpin.report.words import coordinate_words, joined, length, percent, quantity, site_words
 
 TONES = {"none": "good", "explained": "accent", "ambiguous": "warn", "unknown": "mystery"}
 """Colour of the badge, by verdict."""
@@ -47,18 +40,18 @@ PLACES = 2
 """Most places of an unknown error that its headline names."""
 NEARLY = 0.8
 """Share of the squares that the best mechanism explains from which another one is named with it."""
-LISTED = 5
-"""Number of listed effects that could be the unknown cause."""
 
 
 def verdict(d: Diagnosis) -> Lead:
     """The verdict of a diagnosis in words: a badge with its colour, a headline of at most two lines, and advice."""
     by_verdict = {"none": _none, "explained": _explained, "ambiguous": _ambiguous, "unknown": _unknown}
     headline, advice = by_verdict[d.verdict](d)
+    if small := joined([f"{site_words(one.site)} ({length(one.rms)})" for one in d.also]):
+        advice = [*advice, f"Small and undecided, without influence on the verdict: {small}."]
     return Lead(
         f"Diagnosis of {d.model.robot.name} · {len(d.dataset)} measurements",
         "\n".join(headline),
-        [words for words in (*advice, *also(d), agreed(d), undeclared(d), *questions(d), untested(d)) if words],
+        [words for words in (*advice, *_on_noise(d), *questions(d), untested(d)) if words],
         badge=badge(d) or ("too few poses" if too_few(d) else "geometry alone"),
         tone="warn" if may_hide(d) or scattered(d) or too_few(d) else TONES[d.verdict],
     )
@@ -95,27 +88,17 @@ def scattered(d: Diagnosis) -> bool:
     return d.verdict == "none" and (drives or d.noise_ratio > PRIORS.understated)
 
 
-def also(d: Diagnosis) -> list[str]:
-    """A sentence for all that is weak and undecided."""
-    small = joined([f"{site_words(one.site)} ({length(one.rms)})" for one in d.also])
-    return [f"Small and undecided, without influence on the verdict: {small}."] if small else []
-
-
-def agreed(d: Diagnosis) -> str:
-    """That visits agree with the declared noise after all, where they did not before the causes; else empty."""
-    agree = d.causes and d.noise_source == "declared" and d.noise_ratio == 1.0
-    words = "With the causes, repeated visits agree with the declared noise."
-    return words if agree and visits_over_declared(d.baseline) > 1.0 else ""
-
-
-def undeclared(d: Diagnosis) -> str:
-    """Where no sigma is declared, that the noise is that of repeated visits, with the machine's scatter in it; else empty."""
-    if d.baseline.noise.source != "repeats" or not d.baseline.noise.estimated.all() or any(overruled(d.baseline)):
-        return ""
-    return (
-        "No sigma is declared: the noise is that of repeated visits, and the scatter of the machine is in it. "
-        "Declare the sigma in dataset.toml for what is expected of the machine alone."
-    )
+def _on_noise(d: Diagnosis) -> Iterator[str]:
+    """That visits agree with the declared noise after all, where they did not before the causes; and, where no sigma is
+    declared, that the noise is that of repeated visits."""
+    declared, noise = d.noise_source == "declared" and d.noise_ratio == 1.0, d.baseline.noise
+    if d.causes and declared and visits_over_declared(d.baseline) > 1.0:
+        yield "With the causes, repeated visits agree with the declared noise."
+    if noise.source == "repeats" and noise.estimated.all() and not any(overruled(d.baseline)):
+        yield (
+            "No sigma is declared: the noise is that of repeated visits, and the scatter of the machine is in it. "
+            "Declare the sigma in dataset.toml for what is expected of the machine alone."
+        )
 
 
 def untested(found: Findings) -> str:
@@ -152,9 +135,8 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
         headline = f"No cause is detected. Much of the noise is scatter between repeated visits, {why}."
         return [headline], [scatters(d.baseline), *hidden]
     if rare:
-        return [
-            f"No cause beside the geometry is detected: noise alone would leave as much in {rare} of all cases."
-        ], hidden
+        headline = f"No cause beside the geometry is detected: noise alone would leave as much in {rare} of all cases."
+        return [headline], hidden
     if d.baseline.unobservable and not any(one.kind == "tracker" for one in fits):
         read, noise = joined([one.name for one in fits]), ", if this is noise" if supposed else ""
         use = (
@@ -172,24 +154,16 @@ def _none(d: Diagnosis) -> tuple[list[str], list[str]]:
             "At payloads, temperatures and speeds as in these data, the calibrated geometry is enough: no other compensation "
             "is needed."
         )
-    if supposed:
-        return [f"No cause beside the geometry: the {size.after} that it leaves can be noise."], [use, *assumed(d)]
-    return ["No cause beside the geometry: only noise is left."], [use]
-
-
-def assumed(d: Diagnosis) -> list[str]:
-    """A sentence where the noise is an assumption, and what gap could hide in it."""
-    if d.noise_source != "residuals":
-        return []
-    words = gap_words(d.gap)
-    size = words.after if d.verdict == "none" else words.floor
+    if not supposed:
+        return ["No cause beside the geometry: only noise is left."], [use]
     why, declare = "no sigma was declared", "declare the instrument's sigma, or "
     if any(overruled(d.baseline)):
         why, declare = "these data show less than the declared sigma, which was not used", ""
-    return [
-        f"It is assumed that {size} are noise: {why}, and too few poses were visited repeatedly. An error of up to this size "
-        f"that differs between poses is not detected. To test it, {declare}visit ten poses again."
-    ]
+    assumed = (
+        f"It is assumed that {size.after} are noise: {why}, and too few poses were visited repeatedly. An error of up to this "
+        f"size that differs between poses is not detected. To test it, {declare}visit ten poses again."
+    )
+    return [f"No cause beside the geometry: the {size.after} that it leaves can be noise."], [use, assumed]
 
 
 def _explained(d: Diagnosis) -> tuple[list[str], list[str]]:
@@ -197,8 +171,7 @@ def _explained(d: Diagnosis) -> tuple[list[str], list[str]]:
 
 
 def _ambiguous(d: Diagnosis) -> tuple[list[str], list[str]]:
-    sure, _ = sure_and_doubtful(d.causes)
-    lacking, (_, open_) = not_recorded(d), sure_and_doubtful(d.causes)
+    lacking, (sure, open_) = not_recorded(d), sure_and_doubtful(d.causes)
     if not lacking and any(len(cause.members) > 1 for cause in open_):
         what = "can't decide between the members of a class"
         if all(cause.probability >= PROBABLE for cause in open_):
@@ -211,13 +184,13 @@ def _ambiguous(d: Diagnosis) -> tuple[list[str], list[str]]:
 
 def questions(d: Diagnosis) -> list[str]:
     """Warnings about parameters outside their expected ranges, and what to check."""
-    found, check = [], "Check unit and sign of the columns that it depends on"
+    found = []
     for q in d.questions:
         size, who = " ".join(parameter(q.parameter, q.value, q.unit, q.sigma)), named(d.effect(q.effect), q.site)
         words = f"{who} would have {size}, which is not possible: {q.why}. It is not named as a cause."
         if q.believed:
             words = f"{who} has {size}, which is unusual: {q.why}."
-        found.append(f"{words} {check}.")
+        found.append(f"{words} Check unit and sign of the columns that it depends on.")
     return found
 
 
@@ -225,9 +198,8 @@ def anywhere(d: Diagnosis) -> list[str]:
     """The sites, in words, of which none explains the gap clearly better: more than a headline names; else empty."""
     shares = {} if d.causes else d.where.site
     least = NEARLY * max(shares.values(), default=0.0)
-    alike = [
-        site_words(site) for site, share in sorted(shares.items(), key=lambda one: -one[1]) if share >= least > 0.0
-    ]
+    order = sorted(shares, key=lambda site: -shares[site])
+    alike = [site_words(site) for site in order if shares[site] >= least > 0.0]
     return alike if len(alike) > PLACES else []
 
 
@@ -388,9 +360,8 @@ def may_hide(d: Diagnosis) -> list[str]:
         return []
     effects = joined(list(dict.fromkeys(d.effect(c.effect).title for c in lacking)))
     names = dict.fromkeys(name for c in lacking for name in d.effect(c.effect).covariates(d.model.robot, c.site))
-    return [
-        f"{effects} could not be tested: record {joined(list(names))}, or fill in what is known, and diagnose again."
-    ]
+    what = f"record {joined(list(names))}, or fill in what is known, and diagnose again"
+    return [f"{effects} could not be tested: {what}."]
 
 
 def not_recorded(d: Diagnosis) -> list[str]:
@@ -400,10 +371,8 @@ def not_recorded(d: Diagnosis) -> list[str]:
     found = []
     for reason, rows in _by_reason(d, lacking).items():
         speeds = any(c.reason is not None and kind(c.reason.covariate) == "speed" for c in rows)
-        found.append(
-            f"{_names(d, rows)} can't be ruled out, because {reason}: record it, or fill in what is known of it"
-            f"{' (0 if the machine stood still)' if speeds else ''}, and diagnose again."
-        )
+        record = f"record it, or fill in what is known of it{' (0 if the machine stood still)' if speeds else ''}"
+        found.append(f"{_names(d, rows)} can't be ruled out, because {reason}: {record}, and diagnose again.")
     return found
 
 
@@ -446,14 +415,13 @@ def _possible(d: Diagnosis) -> list[tuple[str, str]]:
 
 
 def could_be(d: Diagnosis) -> list[str]:
-    """Effects that could be the unknown cause: likely ones, and those that can't be tested, with the reason."""
-    places = _possible(d)[:LISTED]
+    """Five effects that could be the unknown cause: likely ones, and those that can't be tested, with the reason."""
+    places = _possible(d)[:5]
     likely = [c for c in d.candidates if c.reason is None and (c.effect, c.site) in places]
     lines = []
     if likely:
-        lines = [
-            f"It could be {_names(d, likely)}; these data can't distinguish it from an effect that gtpin does not know."
-        ]
+        alike = "these data can't distinguish it from an effect that gtpin does not know"
+        lines.append(f"It could be {_names(d, likely)}; {alike}.")
     for reason, rows in _by_reason(d, places).items():
         untested = "" if all(c.testable for c in rows) else ", which these data can't test"
         lines.append(f"It could be {_names(d, rows)}{untested}: {reason}.")

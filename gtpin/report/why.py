@@ -7,6 +7,7 @@ from typing import Any
 
 from gtpin.diagnosis.priors import SURE
 from gtpin.diagnosis.result import Diagnosis, LeftOutErrors, Rival, Why
+from gtpin.output.results import fields
 from gtpin.output.shown import present
 from gtpin.report.page import Block, Table
 from gtpin.report.phrases import SHOWN, named, parameter, reason_words, value
@@ -20,16 +21,15 @@ def why_json(d: Diagnosis, w: Why) -> dict[str, Any]:
     """The entry ``why`` of ``diagnosis.json``."""
     left, steps = w.left_out, d.next_experiment
     return {
-        **{name: getattr(w, name) for name in ("effect", "site", "standing")},
+        **fields(w, "effect", "site", "standing"),
         "words": why_words(d, w),
         "testable": w.standing != "untestable",
         "reason": reason_words(w.reason, w.site),
-        **{name: getattr(w, name) for name in ("probability", "log_evidence", "odds", "beside", "needed")},
+        **fields(w, "probability", "log_evidence", "odds", "beside", "needed"),
         "smooth": [{"site": site, "over": list(over)} for site, over in w.smooth],
-        "beside_smooth": w.beside_smooth,
-        "in_place": w.in_place,
+        **fields(w, "beside_smooth", "in_place"),
         "rivals": [one._asdict() | {"effect": one.effect or None, "over": list(one.over)} for one in w.rivals],
-        "parameters": {n: {"value": e.value, "sigma": e.sigma, "unit": e.unit} for n, e in w.parameters.items()},
+        "parameters": {name: fields(e, "value", "sigma", "unit") for name, e in w.parameters.items()},
         "implausible": [q.parameter for q in w.questions],
         "left_out": left and left._asdict(),
         "position_rms_after": left.alone if left and left.unit else None,

@@ -147,6 +147,6 @@ def test_a_first_screen_says_that_a_common_tilt_of_all_tracks_is_not_determined_
     ids = [str(i) for i in range(80)]
     given = InstrumentSection(frame=frame, position_sigma=2e-5)
     found = departures(gtpin.calibrate(gtpin.Dataset("linear_delta", ids, q, T, instrument=given)).model, q)
-    assert ("A common tilt of all tracks is not determined" in geometry_line(found)) is common
+    assert ("A common tilt of all tracks is not determined" in geometry_line(found, (), "TCP")) is common
     one = {departure.name: departure for departure in found}
     assert one[tracks[1]].value - one[tracks[0]].value == pytest.approx(lean, rel=0.25)

@@ -129,14 +129,15 @@ def test_residuals_before_are_those_of_the_calibration(single, residuals):
 def test_the_causes_line_along_its_column_shows_every_turn_of_its_wave_and_goes_through_what_the_causes_make(residuals):
     (period,) = [e.shape_parameter for e in residuals.model.effects]
     line = fit_along(residuals, "q2")
-    x, y = line.x[:-1], line.fit["cart2"][:-1]
+    x, y = (values[:-1] for values in line["cart2"])
     crossings = np.count_nonzero(np.diff(np.sign(y - y.mean())))
     assert abs(crossings - 2.0 * np.ptp(x) / period) <= 2
     made = residuals.component("cart2", residuals.before - residuals.after)
     off = np.interp(residuals.dataset.q[:, 1], x, y) - made
     assert np.std(off) < 0.35 * np.std(made)
     for name in residuals.component_names:  # in every component, at all points
-        np.testing.assert_array_equal(np.isfinite(line.fit[name]), np.isfinite(line.x))
+        x, y = line[name]
+        np.testing.assert_array_equal(np.isfinite(y), np.isfinite(x))
 
 
 def test_no_line_is_drawn_along_what_no_cause_goes_with(residuals):
@@ -161,16 +162,16 @@ def test_the_shortest_period_has_points_enough(residuals, drawn):
     if drawn == "curve":
         x = curves(shortest, residuals)[0].lines[0].x
     else:
-        x = fit_along(replace(residuals, model=replace(residuals.model, effects=(shortest,))), "q2").x[:-1]
+        x = fit_along(replace(residuals, model=replace(residuals.model, effects=(shortest,))), "q2")["x"][0][:-1]
     assert np.diff(x).max() < SHORTEST / 8.0
 
 
 def test_backlash_has_a_line_for_each_direction_along_its_track(residuals):
     model = replace(residuals.model, effects=(active(residuals, "backlash", "cart1", first=1e-5),))
-    line = fit_along(replace(residuals, model=model), "q1")
-    ends = np.flatnonzero(np.isnan(line.x))
+    x, y = fit_along(replace(residuals, model=model), "q1")["cart1"]
+    ends = np.flatnonzero(np.isnan(x))
     assert len(ends) == 2
-    first, second = line.fit["cart1"][: ends[0]], line.fit["cart1"][ends[0] + 1 : -1]
+    first, second = y[: ends[0]], y[ends[0] + 1 : -1]
     np.testing.assert_allclose(np.abs(first - second), 2e-5, rtol=1e-3)
 
 

@@ -177,9 +177,9 @@ def test_numbers_that_are_none_are_gaps_and_no_text_ends_a_script():
     made = Drawing([{"y": np.array([1.0, np.nan, np.inf])}], {"title": {"text": "</script><!--"}})
     shared = Shared()
     embedded = shared.embed(Plot("a", "a", lambda: made))
-    written = str(embedded.json) + str(shared.json)
+    written = str(embedded) + str(shared.json)
     assert "</script" not in written
-    (drawn,) = json.loads(str(embedded.json))["figures"]
+    (drawn,) = json.loads(str(embedded))["figures"]
     assert resolved(drawn, shared)["data"][0]["y"] == [1.0, None, None]
 
 
@@ -193,7 +193,7 @@ def test_a_page_has_a_figure_for_each_combination_of_choices_and_every_array_onc
 
     shared = Shared()
     embedded = shared.embed(Plot("p", "p", draw, (layer, side)))
-    told = json.loads(str(embedded.json))
+    told = json.loads(str(embedded))
     assert told["follows"] == [["layer", 2], ["side", 2]]
     drawn = [resolved(one, shared)["data"][0]["y"][3] for one in told["figures"]]
     assert drawn == [3.0, 9.0, 6.0, 18.0]
@@ -205,9 +205,10 @@ def test_a_page_finds_every_colour_of_its_figures_by_its_value():
 
 
 @pytest.mark.slow
-def test_a_marked_function_is_a_section_at_its_place_of_every_page(single, monkeypatch):
-    monkeypatch.setattr(sections, "_SECTIONS", [*sections._SECTIONS])
-    sections.section(65)(lambda reported: page.Section("own", "My own", [f"{len(reported.dataset)} measurements"]))
+def test_a_function_of_the_list_is_a_section_at_its_place_of_every_page(single, monkeypatch):
+    some = [*sections.SECTIONS]
+    some.insert(6, lambda reported: page.Section("own", "My own", [f"{len(reported.dataset)} measurements"]))
+    monkeypatch.setattr(sections, "SECTIONS", some)
     for reported in (CalibrationPresentation(single.baseline), DiagnosisPresentation(single)):
         found = [one.id for one in sections.sections(reported)]
         assert found[found.index("own") - 1 :][:3] == ["maps", "own", "covariates"]

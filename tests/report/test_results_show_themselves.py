@@ -15,7 +15,6 @@ from gtpin.accuracy.analysis import analyse
 from gtpin.bench.simulator import make_case
 from gtpin.cli import app
 from gtpin.comparison.compare import compare
-from gtpin.report import figure as figures
 
 pytestmark = pytest.mark.slow  # a diagnosis, a comparison of models
 
@@ -184,5 +183,5 @@ def test_a_plot_of_what_is_not_there_names_what_is(results, name, method, option
 
 def test_without_plotly_a_plot_says_which_extra_to_install(results, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "plotly.graph_objects", None)
-    with pytest.raises(gtpin.GtpinError, match=rf"pip install 'gtpin\[{figures.EXTRA}\]'"):
+    with pytest.raises(gtpin.GtpinError, match=r"pip install 'gtpin\[plots\]'"):
         results["dataset"].plot_workspace()

@@ -134,8 +134,9 @@ def score_page(result: Mapping[str, Any], cases: Sequence[Judged]) -> str:
         words["set_f1_visible"] = "F1 of several visible effects"
     settings = [[name, str(value)] for name, value in result.get("check", {}).items() if value is not None]
     numbers = [(number(result[key]), words[key]) for key in words]
-    lead = Lead(f"Blind check · {result['cases']} cases", headline(result), [ABOUT], numbers)
-    return report("Blind check", lead, sections, Table(("what", "which"), versions() + settings))
+    lead = Lead(f"Blind check · {result['cases']} cases", headline(result), [ABOUT], numbers, tab="Blind check")
+    origin = Section("provenance", "Provenance", [Table(("what", "which"), versions() + settings)])
+    return report(lead, [*sections, origin])
 
 
 ABOUT = """Machines with hidden effects were made, their truths sealed, their data diagnosed by processes without other

@@ -58,15 +58,10 @@ class CertificatePresentation(PagePresentation):
     certificate: Certificate
     files = CERTIFICATE
 
-    @property
-    def title(self) -> str:
-        """The title of the page."""
-        return f"Certificate of {self.certificate.model.robot.name}"
-
     @cached_property
     def lead(self) -> Lead:
         """The certified uncertainty, what it is based on, and what is blank."""
-        c = self.certificate
+        c, name = self.certificate, f"Certificate of {self.certificate.model.robot.name}"
         apart = ", apart from where the machine stands" if c.stands == "fitted" else ""
         of = "of position errors" if c.point == "tcp" else "of errors of the measured target"
         numbers = [(quantity(c.budget.radius, "m"), f"95 % {of}, corrected{apart}")]
@@ -76,12 +71,13 @@ class CertificatePresentation(PagePresentation):
                 numbers.append((quantity(value, c[symbol].unit, c[symbol].sigma), DEFINITIONS[symbol].name))
         program = "A program, corrected by the certified model:"
         return Lead(
-            self.title,
+            name,
             f"The corrected machine positions {POINTS[c.point]} within {numbers[0][0]} in 95 % of cases{apart}.",
             [*statement(c), *blank_words(c)],
             numbers,
             steps=[Step(program, "gtpin export DIR --commands program.csv -o corrected.csv")],
             warnings=c.warnings,
+            tab=name,
         )
 
     @cached_property

@@ -87,8 +87,8 @@ def history_page(entries: Sequence[Entry]) -> str:
         Section("errors", "Position error, each pose predicted by the earlier model and all others", [Plots([plot])]),
         Section("checks", "Checks, the last first", [Table(head, rows, (3, 4, 5))]),
     ]
-    lead = Lead(f"Checks over time · {last.robot}", found)
-    return report(f"{last.robot}: checks", lead, sections)
+    lead = Lead(f"Checks over time · {last.robot}", found, tab=f"{last.robot}: checks")
+    return report(lead, sections)
 
 
 def history_drawing(entries: Sequence[Entry]) -> Drawing:

@@ -1,133 +1,31 @@
-"""Sections of the pages of calibrations and diagnoses. Each file of this folder has some, each with its place on the page.
-
-A new section is a new file here, with a function that is marked by :func:`section`. Places: 10 where it lies, 20 the causes, 30
-what is left, 40 the instruments, 50 circular tests, 60 over the workspace, 70 against what was recorded, 80 evidence, 90 what
-can't be distinguished, 100 what could not be tested, 110 parameters, 120 what the data can't see, 130 data.
-"""
+"""The sections of the pages of calibrations and diagnoses, in their order. A new one is a function, and its line here."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from importlib import import_module
-from pkgutil import iter_modules
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
-from gtpin.calibration.checks.before_fit import with_positions
-from gtpin.calibration.result import Calibration
-from gtpin.data import Dataset
-from gtpin.diagnosis.result import Diagnosis
-from gtpin.report.ball_bar import ball_bar_figure
-from gtpin.report.effect_curves import EffectCurve, curves
-from gtpin.report.figure import PlotChoice
-from gtpin.report.page import PagePresentation, Section
-from gtpin.report.residual_plots import LAYERS, ONE_LAYER, View, components, leading, residual_figure, workspace_figure
-from gtpin.report.residuals import Residuals
+from gtpin.report.fit import FitPresentation
+from gtpin.report.page import Section
+from gtpin.report.sections import causes, data, evidence, parameters, residuals
 
-if TYPE_CHECKING:
-    from plotly.graph_objects import Figure
-
-
-@dataclass(frozen=True)
-class FitPresentation(PagePresentation):
-    """A calibration or a diagnosis, and what its sections and figures are made from."""
-
-    result: Calibration | Diagnosis
-
-    @property
-    def diagnosis(self) -> Diagnosis | None:
-        """The diagnosis; None for a calibration."""
-        return self.result if isinstance(self.result, Diagnosis) else None
-
-    @property
-    def calibration(self) -> Calibration:
-        """The calibration of the geometry alone."""
-        return self.result.baseline if isinstance(self.result, Diagnosis) else self.result
-
-    @cached_property
-    def dataset(self) -> Dataset:
-        """The data; for readings, the positions are those of the nominal TCP."""
-        return with_positions(self.result.dataset, self.calibration.model.robot)
-
-    @cached_property
-    def residuals(self) -> Residuals:
-        """Residuals of geometry alone, and of geometry with the causes."""
-        if (d := self.diagnosis) is None:
-            return Residuals.of(self.dataset, self.calibration)
-        return Residuals.of(self.dataset, self.calibration, d.model, d.set_aside_rows)
-
-    @property
-    def causes(self) -> bool:
-        """Whether there are causes."""
-        return self.diagnosis is not None and bool(self.diagnosis.causes)
-
-    @property
-    def layers(self) -> PlotChoice:
-        """The choice between residuals of geometry alone and of geometry with the causes."""
-        return LAYERS if self.causes else ONE_LAYER
-
-    def first_component(self, *sites: str) -> str:
-        """The component that is shown where none is chosen; ``sites``: where to look if there are no causes."""
-        if (d := self.diagnosis) is None:
-            return self.residuals.first_component
-        return leading(self.residuals, [c.site for c in d.causes] or sites, d.where.axis)
-
-    @cached_property
-    def components(self) -> tuple[dict[str, View], PlotChoice]:
-        """Views of the residuals along every component, and the choice between them."""
-        correlates = () if self.diagnosis is None else self.diagnosis.unexplained.correlates
-        return components(self.residuals, self.first_component(*(one.site for one in correlates)))
-
-    @cached_property
-    def curves(self) -> dict[tuple[str, str], tuple[EffectCurve, ...]]:
-        """The curves of the causes, by effect and site."""
-        effects = () if self.diagnosis is None else self.diagnosis.model.effects
-        return {(active.effect.id, active.site): curves(active, self.residuals) for active in effects}
-
-    @cached_property
-    def sections(self) -> Sequence[Section]:
-        """The sections of the page."""
-        return sections(self)
-
-    def against(self, column: str, component: str | None, *, after: bool = False) -> Figure:
-        """Residuals against a column, with the causes' prediction."""
-        component = component or self.first_component()
-        return residual_figure(self.residuals, column, component, causes=self.causes, after=after)
-
-    def ball_bar(self, circle: int) -> Figure:
-        """Deviations of the radius along a circle."""
-        return ball_bar_figure(self.residuals, circle, self.causes)
-
-    def workspace(self, view: str, *, after: bool = False) -> Figure:
-        """Position residuals, or errors of readings, over the workspace."""
-        return workspace_figure(self.residuals, view, after=after)
-
-
-Make = Callable[[FitPresentation], Section | None]
-"""Makes a section; None where the page has none."""
-_SECTIONS: list[tuple[float, Make]] = []
-
-
-def section(place: float) -> Callable[[Make], Make]:
-    """Mark a function that makes a section; sections are in the order of their places."""
-
-    def marked(make: Make) -> Make:
-        _SECTIONS.append((place, make))
-        return make
-
-    return marked
+SECTIONS: list[Callable[[FitPresentation], Section | None]] = [
+    evidence.where_it_lies,
+    causes.the_causes,
+    evidence.what_is_left,
+    residuals.instruments,
+    residuals.circles,
+    residuals.over_the_workspace,
+    residuals.against_what_was_recorded,
+    evidence.evidence,
+    causes.what_can_t_be_distinguished,
+    evidence.what_could_not_be_tested,
+    parameters.parameters,
+    parameters.what_the_data_can_t_see,
+    data.data,
+]
+"""Each makes a section; None where the page has none."""
 
 
 def sections(reported: FitPresentation) -> list[Section]:
     """All sections of a page, in their order."""
-    for module in iter_modules(__path__):
-        import_module(f"{__name__}.{module.name}")
-    made: dict[str, Section] = {}
-    for _, make in sorted(_SECTIONS, key=lambda one: one[0]):
-        one = make(reported)
-        if one is not None and (not isinstance(one, Section) or one.id in made):
-            raise TypeError(f"{make.__module__}.{make.__name__} must give a Section with an id of its own, or None")
-        if one is not None:
-            made[one.id] = one
-    return list(made.values())
+    return [one for make in SECTIONS if (one := make(reported)) is not None]

@@ -11,6 +11,7 @@ from markupsafe import Markup, escape
 from gtpin.diagnosis.result import Findings
 from gtpin.effects.effect import Effect
 from gtpin.report.effect_curves import EffectCurve, curve_notes, curve_plots, reach
+from gtpin.report.fit import FitPresentation
 from gtpin.report.next_experiment import experiment_notes
 from gtpin.report.page import Bar, Bars, Block, Fold, Heading, Plots, Section, Table
 from gtpin.report.phrases import (
@@ -25,12 +26,10 @@ from gtpin.report.phrases import (
     rough,
     sentence,
 )
-from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import capital, chance
 from gtpin.robot.chain import Chain
 
 
-@section(20)
 def the_causes(r: FitPresentation) -> Section | None:
     """Each cause with its parameters, what they mean, and its curves."""
     d = r.diagnosis
@@ -82,7 +81,6 @@ def _marked(text: str) -> Markup:
     )
 
 
-@section(90)
 def what_can_t_be_distinguished(r: FitPresentation) -> Section | None:
     """Classes of causes that can't be distinguished, and what to measure next."""
     if (d := r.diagnosis) is None:
@@ -93,7 +91,7 @@ def what_can_t_be_distinguished(r: FitPresentation) -> Section | None:
             Bar(named(d.effect(m.effect), m.site), m.probability, chance(m.probability), m not in others(c))
             for m in c.members
         ]
-        content += ["These effects give nearly the same residuals in these data. Probabilities:", Bars(bars)]
+        content += ["These effects give nearly the same residuals in these data. Probabilities:", Bars([("", bars)])]
     if not d.causes:
         content.append("No cause is named, so there are no alternatives to distinguish.")
     elif not content:

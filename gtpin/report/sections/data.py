@@ -13,16 +13,15 @@ from gtpin.data.names import lookalikes
 from gtpin.diagnosis.gap import BLOCK_POSES, PREDICTED_POSES
 from gtpin.diagnosis.result import Diagnosis, Gap
 from gtpin.report.calibration_text import cannot_judge, noise_words, repeatability_words, scatters
+from gtpin.report.fit import FitPresentation
 from gtpin.report.page import Block, Fold, Heading, Section, Table
 from gtpin.report.residuals import columns_of
-from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import counted, covariate_unit, joined, length, number_word, quantity, whole, with_unit
 
 ALIKE = 0.02
 """Largest relative difference of two noise floors that count as equal."""
 
 
-@section(130)
 def data(r: FitPresentation) -> Section:
     """Facts about the data, the poses that were set aside, and ranges; of a diagnosis, how its gap is computed."""
     c, d = r.calibration, r.diagnosis
@@ -33,10 +32,16 @@ def data(r: FitPresentation) -> Section:
         f"Chi-square per degree of freedom of geometry alone: {c.chi2_per_dof:.2f} ({judged}); degrees of freedom "
         f"{c.dof:.1f}, iterations {c.iterations}. Errors on the fitted poses, RMS: {joined(fitted)}."
     )
-    facts = [_counts(r.dataset), _what_was_measured(r.dataset), _noise(c), scatters(c), fit]
+    rows, measured = r.dataset.readings, "Only positions were measured."
+    if rows.names:
+        counts = [f"{one.name}: {(rows.of == i).sum()} ({one.kind})" for i, one in enumerate(rows.tables)]
+        measured = f"Readings by instrument: {joined(counts)}."
+    elif r.dataset.orientation is not None:
+        measured = "Position and orientation were measured."
+    facts = [_counts(r.dataset), measured, _noise(c), scatters(c), fit]
     content: list[Block] = [fact for fact in facts if fact]
-    for name, known in lookalikes(r.dataset.covariates).items():
-        content.append(f"No effect uses the column {name}: is {known} meant?")
+    alike = lookalikes(r.dataset.covariates).items()
+    content += [f"No effect uses the column {name}: is {known} meant?" for name, known in alike]
     aside = _set_aside(r.dataset, c, c.rejected_rows if d is None else d.set_aside_rows)
     if aside.rows:
         about = "These poses were not used. Off by: distance from the prediction of the calibrated geometry."
@@ -45,8 +50,7 @@ def data(r: FitPresentation) -> Section:
         content.append("No pose was set aside.")
     content.append(Fold("Ranges of commands and covariates", [_ranges(r)]))
     if d is not None:
-        words = f"The gap is computed on poses that were not fitted: {gap_method(d.gap)}. {_two_floors(d)}"
-        content.append(words.rstrip())
+        content.append(f"The gap is computed on poses that were not fitted: {gap_method(d.gap)}.{_two_floors(d)}")
     return Section("data", "Data", content)
 
 
@@ -60,16 +64,6 @@ def _counts(dataset: Dataset) -> str:
     none = "none visited twice: repeatability can't be distinguished from errors of the geometry"
     more = counted(repeats, "repeated visit") if repeats else none
     return f"{counted(len(dataset), 'measurement')} of {counted(visits, 'pose')}, {more}."
-
-
-def _what_was_measured(dataset: Dataset) -> str:
-    rows = dataset.readings
-    if rows.names:
-        counts = [f"{one.name}: {(rows.of == i).sum()} ({one.kind})" for i, one in enumerate(rows.tables)]
-        return f"Readings by instrument: {joined(counts)}."
-    if dataset.orientation is not None:
-        return "Position and orientation were measured."
-    return "Only positions were measured."
 
 
 def _noise(c: Calibration) -> str:
@@ -118,7 +112,7 @@ def _two_floors(d: Diagnosis) -> str:
     if calibrated is None or abs(calibrated / d.gap.floor - 1.0) < ALIKE:
         return ""
     return (
-        f"Noise alone is {length(d.gap.floor)}, as left-out poses show it given the causes; the calibration counts "
+        f" Noise alone is {length(d.gap.floor)}, as left-out poses show it given the causes; the calibration counts "
         f"{length(calibrated)} as noise."
     )
 

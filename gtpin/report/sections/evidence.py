@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 
 from gtpin.data.names import command_names
 from gtpin.diagnosis.result import Findings
+from gtpin.report.fit import FitPresentation
 from gtpin.report.page import Bar, Bars, Block, Fold, Plots, Section, Table
 from gtpin.report.phrases import named, reason_words
 from gtpin.report.residual_plots import over_two
-from gtpin.report.sections import FitPresentation, section
 from gtpin.report.verdict import CHANCE
 from gtpin.report.words import coordinate_words, counted, joined, percent, short, site_words, typeset, whole
 
@@ -19,7 +19,6 @@ SHOWN = 12
 """Number of candidates with a bar; the others are in a table."""
 
 
-@section(10)
 def where_it_lies(r: FitPresentation) -> Section | None:
     """Shares by site, rod, axis, coordinate and region, as far as they exist."""
     if r.diagnosis is None:
@@ -38,14 +37,14 @@ def where_it_lies(r: FitPresentation) -> Section | None:
         f"Computed before any cause is named. By {'rod, ' if where.rod else ''}axis and region: shares of the gap's mean "
         "square beyond noise. By site and by coordinate: the largest gain in log evidence of an effect or a smooth term, "
         "relative to the longest bar. Gains in log evidence are not proportional to shares of the gap.",
-        Bars(beside=beside),
+        Bars(beside),
     ]
     regions = {
         ", ".join(whole(f"{a} {low:.2f} to {high:.2f}") for a, low, high in zip("xyz", *box, strict=True)) + " m": share
         for box, share in where.region
     }
     if bars := _bars(regions, percent, 0.0)[:4]:
-        content.append(Fold("By region of the workspace", [Bars(bars)]))
+        content.append(Fold("By region of the workspace", [Bars([("", bars)])]))
     return Section("where", "Where it lies", content)
 
 
@@ -55,7 +54,6 @@ def _bars(shares: Mapping[str, float], words: Callable[[float], str] = lambda _:
     return [Bar(name, share / top, words(share)) for name, share in order if share >= least and share > 0.0]
 
 
-@section(30)
 def what_is_left(r: FitPresentation) -> Section | None:
     """What is left unexplained, and the coordinates with which it correlates, if it is more than noise."""
     if r.diagnosis is None:
@@ -85,7 +83,6 @@ def _rare(p_value: float) -> str:
     return "less than 10⁻⁹" if p_value < 1e-9 else typeset(f"{p_value:.2g}")
 
 
-@section(80)
 def evidence(r: FitPresentation) -> Section | None:
     """The evidence of each candidate of a diagnosis."""
     if (d := r.diagnosis) is None:
@@ -112,13 +109,12 @@ def evidence_of(found: Findings, words: Sequence[Block]) -> Section:
         Bar(name, max(c.log_evidence, 0.0) / top if top > 0.0 else 0.0, gain, (c.effect, c.site) in causes)
         for c, (name, gain) in zip(tested[:SHOWN], gains, strict=False)
     ]
-    content: list[Block] = [*words, Bars(bars)]
+    content: list[Block] = [*words, *([Bars([("", bars)])] if bars else [])]
     if rest := gains[SHOWN:]:
         content.append(Fold("The other candidates", [Table(("candidate", "gain in log evidence"), rest, (1,))]))
     return Section("evidence", "Evidence", content)
 
 
-@section(100)
 def what_could_not_be_tested(r: FitPresentation) -> Section | None:
     """Effects that could not be tested by a diagnosis."""
     return None if r.diagnosis is None else untestable_of(r.diagnosis)

@@ -9,16 +9,15 @@ from gtpin.model.departures import departures
 from gtpin.model.dh import DhParameter, chain_of, controller_table
 from gtpin.model.model import Model
 from gtpin.report.calibration_text import SHOWN, grouped
+from gtpin.report.fit import FitPresentation
 from gtpin.report.geometry import all_departures, point_of, zero_size
 from gtpin.report.page import Block, Fold, Heading, Section, Table
-from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import percent, quantity, whole
 
 STEADY = 1e-3
 """Share of its sigma below which a correction that is not determined is zero."""
 
 
-@section(110)
 def parameters(r: FitPresentation) -> Section:
     """The departures of the geometry from nominal, the controller's table of a serial arm, and all parameters; of a diagnosis
     without and with the causes."""
@@ -95,7 +94,6 @@ def _to_add(p: DhParameter) -> str:
     return quantity(p.correction, p.unit, p.sigma) + ("" if p.determined else " (not well determined)")
 
 
-@section(120)
 def what_the_data_can_t_see(r: FitPresentation) -> Section | None:
     """Directions that the data of a calibration do not determine, and the strongest correlations."""
     if r.diagnosis is not None:

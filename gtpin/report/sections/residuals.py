@@ -7,9 +7,9 @@ import numpy as np
 from gtpin.calibration.result import InstrumentFit
 from gtpin.diagnosis.result import InstrumentGap
 from gtpin.report.ball_bar import circular_tests
+from gtpin.report.fit import FitPresentation
 from gtpin.report.page import Block, Heading, Plots, Section, Table
 from gtpin.report.residual_plots import MapScale, against_columns, maps, selection
-from gtpin.report.sections import FitPresentation, section
 from gtpin.report.words import quantity, whole
 
 CIRCLES = (
@@ -22,7 +22,6 @@ CIRCLES = (
 )
 
 
-@section(40)
 def instruments(r: FitPresentation) -> Section | None:
     """Errors of each instrument's readings, and what was identified of the instruments; None for one tracker."""
     c, d = r.calibration, r.diagnosis
@@ -51,7 +50,6 @@ def _errors(one: InstrumentFit | InstrumentGap) -> list[str]:
     return [quantity(value, one.unit) for value in (one.before, one.after, one.floor)]
 
 
-@section(50)
 def circles(r: FitPresentation) -> Section | None:
     """The circular tests with their plots; None where nothing lies on circles."""
     tests = circular_tests(r.residuals, r.causes)
@@ -63,7 +61,6 @@ def circles(r: FitPresentation) -> Section | None:
     return Section("circles", "Circular tests", content)
 
 
-@section(60)
 def over_the_workspace(r: FitPresentation) -> Section:
     """Residuals over the workspace, without and with the causes."""
     scale = MapScale.of(r.residuals)
@@ -80,7 +77,6 @@ def over_the_workspace(r: FitPresentation) -> Section:
     return Section("maps", "Over the workspace", [Plots(plots, words, choices)])
 
 
-@section(70)
 def against_what_was_recorded(r: FitPresentation) -> Section:
     """Residuals against each recorded column."""
     views, component = r.components
