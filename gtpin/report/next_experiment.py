@@ -120,7 +120,7 @@ def _testable(e: Experiment, lacking: Lacking) -> str:
 
 
 def _watch(sites: Sequence[str], robot: Chain) -> str:
-    """Another measurement than poses, which shows the motion of some sites."""
+    """Another measurement than poses, which shows the motion of some sites. No table of a dataset holds that of a drive."""
     drives = [site for site in dict.fromkeys(sites) if site in robot.sites]
     turning = [site for site in drives if robot.actuators[robot.sites.index(site)].revolute]
     sliding = [site for site in drives if site not in turning]
@@ -132,7 +132,9 @@ def _watch(sites: Sequence[str], robot: Chain) -> str:
         "measure fixed targets beside the robot": "frame" in sites,
         "measure separately where the target is on the platform": "platform" in sites,
     }
-    return "; or ".join(said for said, wanted in words.items() if wanted)
+    chosen = [said for said, wanted in words.items() if wanted]
+    by_hand = ", and compare with the commands (gtpin does not read this)" if drives or links else ""
+    return "; or ".join(chosen) + by_hand
 
 
 def _visits(e: Experiment, visits: Visits) -> str:
