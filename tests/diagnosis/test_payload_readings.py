@@ -17,7 +17,6 @@ from pinocchio_arm import Deviation, measured, of_joint
 import gtpin
 from gtpin.errors import GtpinWarning
 
-
 Floats = np.ndarray
 MASS = 3.2
 COMPLIANT = of_joint("elbow", lambda campaign: 1e-5 * campaign.moment[:, 2])

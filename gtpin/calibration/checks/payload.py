@@ -69,18 +69,15 @@ def check_payload(dataset: Dataset, fit: Fit[Problem]) -> None:
     force, bodies = np.stack(given, axis=1), kinematics.motion(q, point.poses)
     bare, one = (kinematics.loads(q, point.poses, force, mass * np.ones(len(q))).joints for mass in (0.0, 1.0))
     root = np.sqrt(fit.weight)[:, None, None]
-    parts: list[list[Floats]] = [[], [], []]
+    per_mass, parts = one - bare, list[list[Floats]]()
     for joint in robot.moving_joints:
         turns = robot.model.joints[joint].shortname().startswith("JointModelR")
         frame, part = frame_of_joint(joint), slice(3, 6) if turns else slice(0, 3)
         moved = problem.measured.change_by(bodies.by_twist(frame, np.eye(6)[:, part]), point.model, point.poses)
         moved = root * (problem.whitening @ moved)
-        per_mass = (one - bare)[:, None, frame, part]
-        for found, load in zip(
-            parts, (bare[:, None, frame, part], per_mass, column[:, None, None] * per_mass), strict=True
-        ):
-            found.append(moved * load)
-    links, unit, read = (np.concatenate(found, axis=2) for found in parts)
+        loads_of = bare, per_mass, column[:, None, None] * per_mass
+        parts.append([moved * load[:, frame, part][:, None] for load in loads_of])
+    links, unit, read = (np.concatenate(found, axis=2) for found in zip(*parts, strict=True))
     B = np.concatenate([problem.jacobian(point, rows) for rows in problem.chunks()])
     k, loads = B.shape[2], links.shape[2]
     y = problem.residual(point) + B @ point.x
