@@ -75,15 +75,15 @@ def check_payload(dataset: Dataset, fit: Fit[Problem]) -> None:
         frame, part = frame_of_joint(joint), slice(3, 6) if turns else slice(0, 3)
         moved = problem.measured.change_by(bodies.by_twist(frame, np.eye(6)[:, part]), point.model, point.poses)
         moved = root * (problem.whitening @ moved)
-        loads_of = bare, per_mass, column[:, None, None] * per_mass
-        parts.append([moved * load[:, frame, part][:, None] for load in loads_of])
+        own, per = bare[:, None, frame, part], per_mass[:, None, frame, part]
+        parts.append([moved * own, moved * per, moved * per * column[:, None, None]])
     links, unit, read = (np.concatenate(found, axis=2) for found in zip(*parts, strict=True))
     B = np.concatenate([problem.jacobian(point, rows) for rows in problem.chunks()])
     k, loads = B.shape[2], links.shape[2]
     y = problem.residual(point) + B @ point.x
     above = np.concatenate([root * B, links, unit, read, root * y[..., None]], axis=2).reshape(-1, k + 3 * loads + 1)
     below = np.pad(np.diag(np.sqrt(problem.prior)), ((0, 0), (0, 3 * loads + 1)))
-    R = np.linalg.qr(np.vstack([above, below]), mode="r")[k:, k:]  # without what the geometry absorbs
+    R = np.asarray(np.linalg.qr(np.vstack([above, below]), mode="r"))[k:, k:]  # without what the geometry absorbs
     links, unit, read, left = R[:, :loads], R[:, loads : 2 * loads], R[:, 2 * loads : -1], R[:, -1]
 
     def squares(a: float, b: float) -> float:
