@@ -122,3 +122,4 @@ def test_a_table_of_an_arm_with_an_unknown_target_has_the_poses_of_the_urdf(kind
     model = gtpin.calibrate(measured(kind, tmp_path)).model
     assert model.free_target
     assert difference(model, tmp_path) < NEAR
+    assert any("a free target" in text for text in told(model, tmp_path / "again.urdf")) is (kind == "free")
