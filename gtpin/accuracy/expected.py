@@ -149,6 +149,14 @@ def unexplained_error(model: Model, by_commands: Floats) -> tuple[float, float, 
     return size, least, most
 
 
+def expected_rms(fixed: float, unexplained: float, *, noise_known: bool) -> float:
+    """The root mean square error, m, to expect of two mean squares, m^2: that of what the data do not determine, ``fixed``, and
+    ``unexplained``. Where the latter may be noise, anything from none to all of it is an error of the machine: then it is the
+    geometric mean of these two ends."""
+    whole = float(np.sqrt(fixed + unexplained))
+    return whole if noise_known else float(np.sqrt(np.sqrt(fixed) * whole))
+
+
 @dataclass(frozen=True)
 class Undetermined:
     """Root mean square motions of the TCP by what data do not determine of a machine.

@@ -15,7 +15,7 @@ from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.left_out import MOST_LEFT_OUT, left_out
 from gtpin.calibration.observability import Observability, observability, with_priors
 from gtpin.calibration.problem import Problem
-from gtpin.distributions import chi2, f, interval_above_0
+from gtpin.distributions import chi2, f, interval_above_0, truncated
 from gtpin.instruments.readings import Readings
 from gtpin.model.fit_conditions import ModelDiscrepancy
 from gtpin.noise import weights
@@ -62,7 +62,8 @@ def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bo
 
     A number of a pose counts once, with the mean of its visits, and the degrees of freedom are the count of these means less
     the parameters that were fitted. One standard deviation of the mean square is added. Where chi-square shows no unexplained
-    errors, they are 0; the upper end of their interval is not.
+    errors, they are 0 beside a declared noise. Noise that repeated visits show is less certain: then they are what the mean
+    square lets expect above 0. The upper end of their interval is not 0.
 
     ``fit``: the fit of N rows with c numbers each. ``errors``: (N, c) its residuals, m and rad. ``variance``: (N, c)
     variance of the noise of each number, m^2 or rad^2. ``known``: whether the noise was declared, or repeated visits showed
@@ -91,12 +92,15 @@ def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bo
         seen = float((means[some] ** 2).sum()) / of_kind
         random = float((noise[some] / visits[places[own]][some]).mean()) if known else 0.0
         sd = float(np.hypot(max(seen, random) * np.sqrt(2.0 / of_kind), random * np.sqrt(2.0 / dof)))
-        least, most = interval_above_0(seen - random, max(sd, 1e-300))
-        found = 0.0 if explained else np.sqrt(max(seen + sd - random, 0.0))
-        return float(found), 0.0 if explained or not known else float(np.sqrt(least)), float(np.sqrt(most))
+        more, width = seen - random, max(sd, 1e-300)
+        least, most = interval_above_0(more, width)
+        found = max(more + sd, 0.0)
+        if explained:
+            found = 0.0 if np.isinf(dof) else truncated(more, width)[0]
+        return float(np.sqrt(found)), 0.0 if explained or not known else float(np.sqrt(least)), float(np.sqrt(most))
 
     position, least, most = size(~turns[own])
-    return ModelDiscrepancy(position, size(turns[own])[0], known, least, most)
+    return ModelDiscrepancy(position, 0.0 if explained else size(turns[own])[0], known, least, most)
 
 
 def _parameters_of(fit: Fit[Any], some: Mask) -> float:

@@ -108,9 +108,10 @@ class NoiseEstimator:
         few = 2 * len(contrast) < np.count_nonzero(used)
         if repeated.repeatability == 0.0 and few:
             # Few repeats give a rough estimate, all residuals an accurate one: use the latter unless an F test finds it larger.
+            # How much of it is noise is known no better than by the repeats: the degrees of freedom are theirs.
             larger = found.sigma / repeated.sigma
             taken &= np.array([float(f.sf(r**2, found.dof, repeated.dof)) < LACK_OF_FIT for r in larger])
-        if not (taken | (noise.estimated & ~self.first.estimated)).any():
+        if not (noise.estimated & (shown | ~self.first.estimated)).any():
             return found
         return replace(repeated, sigma=np.where(taken | ~noise.estimated, repeated.sigma, found.sigma))
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from gtpin.accuracy.expected import expected_rms, unexplained_error
 from gtpin.commands.terminal import (
     Actuators,
     AsJson,
@@ -24,14 +25,17 @@ from gtpin.data import Commands
 from gtpin.data.checks import CheckedRows
 from gtpin.data.files import read_table, write_table
 from gtpin.data.table import Column
+from gtpin.diagnosis.earlier import Earlier
 from gtpin.errors import warn
 from gtpin.export.loss import not_oriented
 from gtpin.instruments.predicted import as_seen, instrument_of, predicted_readings
 from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
+from gtpin.model.place import free_motions, without_place
 from gtpin.model.predict import predict as run_prediction
 from gtpin.model.predict import prediction_columns
 from gtpin.output.results import result_file
+from gtpin.report.words import length
 
 
 def predict(
@@ -52,7 +56,7 @@ def predict(
     not_its_input(output, commands)
     with result_file(output, force=force) as new:
         found = read_model(model, tcp=tcp, **chosen(actuators, home))
-        table = _table(found, commands, instrument)
+        table, expected = _table(found, commands, instrument)
         write_table(new, table)
     for note in not_oriented(found, of_target=True) if "qw" in table else ():
         warn(f"{output.name} {note}")
@@ -61,22 +65,38 @@ def predict(
         dict(zip(table, row, strict=True))
         for row in zip(*(np.asarray(c).tolist() for c in table.values()), strict=True)
     ]
-    tell(rows, f"{len(rows)} {what} predicted. Written: {output}", as_json)
+    tell(rows, f"{len(rows)} {what} predicted{expected}. Written: {output}", as_json)
 
 
-def _table(model: Model, file: Path, instrument: str | None) -> dict[str, Column]:
-    """The poses that the first tracker reads, or an instrument's readings, at the commands of a file."""
+def _table(model: Model, file: Path, instrument: str | None) -> tuple[dict[str, Column], str]:
+    """The poses that the first tracker reads, or an instrument's readings, at the commands of a file; and the error to expect
+    of positions, in words."""
     seen, tracker = as_seen(model)
     name = instrument or tracker
     if name is None:
         given = Commands.read(file, model.robot.n_actuators)
-        return prediction_columns(given, run_prediction(seen, given))
-    names = instrument_of(model, name).table.ids
-    given = Commands.read(file, model.robot.n_actuators, ids=names)
-    columns = read_table(given.file or file, ids=names).columns
+        return prediction_columns(given, run_prediction(seen, given)), _expected(seen, given)
+    table = instrument_of(model, name).table
+    given = Commands.read(file, model.robot.n_actuators, ids=table.ids)
+    columns = read_table(given.file or file, ids=table.ids).columns
     rows = CheckedRows.of(given.file, given.row, len(given))
-    ids = {column: rows.ids(columns[column], column) for column in names if column in columns}
+    ids = {column: rows.ids(columns[column], column) for column in table.ids if column in columns}
     if "session" in instrument_of(model, name).known and "session" in given.covariates:  # its stations
         ids["session"] = given.covariates["session"]
     poses = run_prediction(model, given)
-    return {"pose": given.pose, **ids, **predicted_readings(model, poses, name, ids, given)}
+    words = _expected(model, given) if table.kind == "tracker" else ""
+    return {"pose": given.pose, **ids, **predicted_readings(model, poses, name, ids, given)}, words
+
+
+def _expected(model: Model, given: Commands) -> str:
+    """The error to expect of predicted positions, where the uncertainty of the geometry is known: of what the data do not
+    determine, less where the machine stands as far as no instrument shows it, and of what the model does not explain."""
+    if model.covariance is None:
+        return ""
+    earlier, plain = Earlier(model), model.kinematics.forward(given.q)
+    moved = earlier.jacobian(given.q, given.covariates, plain)[:, :3] @ earlier.root
+    power = (without_place(moved, plain.T, free_motions(model)) ** 2).sum(axis=(1, 2))
+    left = 3.0 * unexplained_error(model, model.kinematics.command_jacobian(given.q, plain))[0] ** 2
+    known = model.unexplained is None or model.unexplained.noise_known
+    size, largest = (length(expected_rms(float(one), left, noise_known=known)) for one in (power.mean(), power.max()))
+    return f", with an expected error of {size} RMS (largest {largest}, pose {given.pose[int(power.argmax())]})"

@@ -10,6 +10,7 @@ import numpy as np
 
 from gtpin.calibration.calibrate import calibrate
 from gtpin.calibration.checks.before_fit import prepared
+from gtpin.calibration.checks.payload import MISREAD
 from gtpin.calibration.checks.prior_conflict import PLACES
 from gtpin.calibration.problem import with_free_target
 from gtpin.calibration.result import Calibration
@@ -81,6 +82,9 @@ def prepare(
     if dataset.readings.tracked:
         _check_size(usable, len(geometry.parameters) + (6 if usable.instrument.frame == "free" else 0))
     baseline = calibrate(usable, nominal, widen=widen, progress=progress)
+    if any(MISREAD in text for text in baseline.warnings):  # it would load the wrong parts
+        usable = usable.without(["payload"])
+        warn_of(dataset.file, "payload is not used, for it looks misread")
     places = tuple(
         table.model_copy(update={key: getattr(fitted, key) for key in _OF_PLACES if hasattr(fitted, key)})
         for table, fitted in zip(usable.readings.tables, baseline.fit.problem.measured.rows.tables, strict=True)

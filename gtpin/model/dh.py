@@ -55,12 +55,12 @@ def controller_table(model: Model, *, exact: bool = False) -> tuple[DhParameter,
     """The table of a serial arm, by the standard convention, with the corrections that agree best with a calibration.
 
     Empty where the robot is not a serial arm, or the geometry lacks the six parameters of a joint or of the TCP. Without the
-    tool where the place of the measured target was unknown: the data then say nothing of the tool.
+    tool where the target was free: it then stays where the robot's file has it.
 
     ``exact``: whether to raise `ConvergenceError` where no table with the poses of the geometry is found; else the corrections
     are then right to first order.
     """
-    left = ("base", "tool") if model.free_target else ("base",)
+    left = ("base", "tool") if model.geometry.target is not None else ("base",)
     return tuple(p for p in table_with_base(model, exact=exact) if p.site not in left)
 
 
@@ -74,13 +74,14 @@ def table_with_base(model: Model, *, exact: bool = False) -> tuple[DhParameter, 
     them. The estimate is exact to first order: :meth:`~gtpin.model.dh.DhChain.equal_to` then finds the table whose poses
     are those of the calibrated geometry.
 
-    Where the place of the measured target was unknown, the tool stays as it is, and the last joint has ``d`` too.
+    Where the target was free, the tool stays as it is, and the last joint has ``d`` too.
     """
     geometry, covariance, chain = model.geometry, model.geometry_covariance, chain_of(model.robot)
     size = len(geometry.parameters)
     if not chain or size != 6 * (len(chain) + 1):
         return ()
-    rows, V, table = _directions(geometry, free_target=model.free_target)
+    free_target = geometry.target is not None
+    rows, V, table = _directions(geometry, free_target=free_target)
     if not geometry.deviation.any():
         return tuple(DhParameter(*row, 0.0, np.nan, False, way) for row, way in zip(rows, V.T, strict=True))
     prior = np.diag(geometry.tolerance**2)
@@ -89,7 +90,7 @@ def table_with_base(model: Model, *, exact: bool = False) -> tuple[DhParameter, 
     sigma = np.full(len(rows), np.nan) if covariance is None else np.sqrt(np.diag(spread))
     before = np.sqrt(np.diag(np.linalg.inv(V.T @ np.linalg.solve(prior, V))))
     start, stands = spread @ (half.T @ geometry.deviation), free_motions(model)
-    known = np.array([not (model.free_target and row[0] == "tool") for row in rows])
+    known = np.array([not (free_target and row[0] == "tool") for row in rows])
     found = np.where(known, start, 0.0)
     try:
         found = table.equal_to(Model(geometry.at_tool()), found, spread * np.outer(known, known), stands)
@@ -260,7 +261,9 @@ class DhChain:
             for row, T, R in zip(q, wanted.T, wanted.R, strict=True):
                 at, twists = self.at(self.nominal + x, row)
                 errors.append(np.concatenate([T - at.translation, pin.log3(R @ at.rotation.T)]))
-                whole = np.concatenate([stands[:3] + np.cross(stands[3:], T, axisa=0, axisc=0), stands[3:]])
+                # At the table's own pose: else those that its base imitates look independent of it, and steps have no end.
+                turned = np.cross(stands[3:], at.translation, axisa=0, axisc=0)
+                whole = np.concatenate([stands[:3] + turned, stands[3:]])
                 ways.append(np.hstack([twists @ half, whole]))
             found = np.linalg.lstsq(np.concatenate(ways), np.concatenate(errors), rcond=RANK)[0]
             step, moved = half @ found[:r], pin.exp6(-stands @ found[r:])

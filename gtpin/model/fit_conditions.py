@@ -21,7 +21,8 @@ class ModelDiscrepancy:
 
     They are a part of the uncertainty of every prediction of the model.
 
-    ``position``, ``orientation``: of the position, m, and of the orientation, rad; 0 where chi-square shows no such errors.
+    ``position``, ``orientation``: of the position, m, and of the orientation, rad; 0 where chi-square shows no such errors, but
+    for what may hide of the position's behind a noise that repeated visits show roughly.
     ``noise_known``: True: the noise was declared, or repeated visits of poses showed it. False: what was left of the fit
     can't be divided into noise and errors of the model, and all of it counts as unexplained.
     ``least``, ``most``: ends of the 95 % interval of ``position``, m; ``least`` is 0 where all of it can be noise. None: not
@@ -36,8 +37,8 @@ class ModelDiscrepancy:
 
     @property
     def none(self) -> bool:
-        """Whether nothing is unexplained."""
-        return self.position == 0.0 and self.orientation == 0.0
+        """Whether noise can be all that is unexplained."""
+        return self.orientation == 0.0 and (self.interval[0] if self.noise_known else self.position) == 0.0
 
     @property
     def interval(self) -> tuple[float, float]:

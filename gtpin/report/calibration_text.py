@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gtpin.accuracy.expected import Uncertainty, response, unexplained_error
+from gtpin.accuracy.expected import Uncertainty, expected_rms, response, unexplained_error
 from gtpin.accuracy.workspace import FLAT, default_commands
 from gtpin.calibration.observability import Remedy
 from gtpin.calibration.result import Calibration, InstrumentFit
@@ -43,12 +43,13 @@ def elsewhere(c: Calibration) -> list[str]:
     except UnreachableError:
         return []
     expected, place = (float(np.sqrt((part[:, :3] ** 2).sum() / len(q))) for part in (found.fixed, found.place))
-    known = [one.left_out for one in c.by_instrument if one.kind == "tracker" and one.unit == "m"]
-    if not known or expected <= max(known):
+    seen = [one.left_out for one in c.by_instrument if one.kind == "tracker" and one.unit == "m"]
+    if not seen or expected <= max(seen):
         return []
     kinematics = c.model.kinematics
     left = unexplained_error(c.model, kinematics.command_jacobian(q, kinematics.forward(q)))[0]
-    expected = float(np.hypot(expected, np.sqrt(3.0) * left))
+    known = c.model.unexplained is None or c.model.unexplained.noise_known
+    expected = expected_rms(expected**2, 3.0 * left**2, noise_known=known)
     poses = c.model.predict(c.dataset.q[c.used(c.dataset)]).T
     sizes = np.ptp(poses, axis=0)
     box = " x ".join(f"{size:.2g}" for size in sizes[sizes > FLAT * sizes.max()])

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import re
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from by_pinocchio import placed
+from with_effects import active
 
 import gtpin
 from gtpin.errors import GtpinError, GtpinWarning
+from gtpin.extras.certificate.page import statement
 
 LOW, HIGH = np.array([-2.5, -2.4, 0.4, -2.5, 0.4, -2.5]), np.array([2.5, -0.3, 2.2, 2.5, 2.2, 2.5])
 SIGMA, OFF = 1.5e-5, 3e-4
@@ -79,3 +82,17 @@ def test_the_way_to_certify_a_target_off_the_tcp_is_told_and_works(tmp_path: Pat
     T, R = placed(real, new)
     off = np.linalg.norm(T + R @ at - found.model.predict(new).T, axis=1)
     assert found.budget.radius == pytest.approx(np.quantile(off, 0.95), rel=0.5)
+
+
+@pytest.mark.parametrize("cause", ["joint_compliance", "linearity"])
+def test_a_certificate_of_a_cause_by_load_says_whose_masses_it_assumes(cause: str) -> None:
+    rng, plain = np.random.default_rng(2), gtpin.read_model("ur10")
+    q = rng.uniform(LOW, HIGH, (40, 6))
+    effect = active(plain, q, cause, "shoulder_lift_joint", first=1e-6)
+    model = replace(plain, effects=(effect,), covariance=np.diag((0.01 * plain.geometry.tolerance) ** 2))
+    read = model.predict(q).T + SIGMA * rng.standard_normal((40, 3))
+    dataset = gtpin.Dataset("ur10", [f"p{k}" for k in range(40)], q, read, instrument={"position_sigma": SIGMA})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", GtpinWarning)
+        said = " ".join(statement(gtpin.certify(dataset, model)))
+    assert ("masses in the robot's file, taken as exact" in said) is (cause == "joint_compliance")

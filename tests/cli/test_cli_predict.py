@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import closures
@@ -156,3 +157,27 @@ def test_orientations_that_positions_do_not_determine_are_told(run, measured, tm
     ran = run("predict", tmp_path / "model", tmp_path / "new.csv", "-o", tmp_path / "out.csv")
     assert ran.code == 0
     assert ("orientations that the data do not determine" in ran.err) is not measured
+
+
+@pytest.mark.parametrize("frame", ["robot", "free"])
+def test_the_error_that_is_said_of_predicted_positions_is_that_of_new_poses(frame, run, tmp_path):
+    rng, plain = np.random.default_rng(4), closures.nominal("linear_delta")
+    real = plain.off({name: rng.normal(0.0, sigma) for name, sigma in plain.parameters().items()})
+    turn, shift = (
+        (Rotation.from_rotvec([0.1, 0.2, 1.0]), [2.0, 1.0, 0.3]) if frame == "free" else (Rotation.identity(), 0)
+    )
+
+    def seen(q):
+        return turn.apply(real.follow(q, 0.02)[0]) + shift
+
+    q, new = plain.in_range(rng, 100), plain.in_range(rng, 200)
+    read = seen(q) + 2e-5 * rng.standard_normal((100, 3))
+    known = {"position_sigma": 2e-5, "frame": frame}
+    measured = Dataset("linear_delta", [f"p{n}" for n in range(100)], q, read, None, {}, known)
+    gtpin.write_model(gtpin.calibrate(measured).model, tmp_path / "model")
+    Commands([f"n{n}" for n in range(200)], new, {}).write(tmp_path / "c.csv")
+    said = " ".join(run(*asked(tmp_path)).out.split())
+    found = pd.read_csv(tmp_path / "p.csv")[["x", "y", "z"]].to_numpy()
+    expected = float(re.search(r"expected error of ([\d.]+) \S+m RMS \(largest", said)[1])
+    realised = 1e6 * np.sqrt(((found - seen(new)) ** 2).sum(axis=1).mean())
+    assert 0.5 < expected / realised < 2.0

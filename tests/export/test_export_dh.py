@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from by_pinocchio import placed
-from circle_machines import Floats, arm, off
+from circle_machines import NOISE, TARGET, Floats, arm, off
 from drawn_machines import told
 from scipy.spatial.transform import Rotation
 
@@ -104,9 +104,22 @@ def test_a_table_has_the_poses_of_the_urdf(joint: str, rpy: str, size: float, tm
     assert difference(model, tmp_path) < NEAR
 
 
-@pytest.mark.slow
-def test_a_table_of_an_arm_with_a_free_target_has_the_poses_of_the_urdf(tmp_path: Path) -> None:
+def measured(kind: str, folder: Path) -> gtpin.Dataset:
+    """A UR10 with wrong placements, measured by a tracker elsewhere, whose target is ``free``, or known to within 2 mm."""
     rng = np.random.default_rng(2)
-    model = gtpin.calibrate(arm("ur10", "", rng).dataset(rng, tmp_path)).model
+    dataset = arm("ur10", "", rng).dataset(rng, folder)
+    if kind == "free":
+        return dataset
+    (folder / "dataset.toml").write_text(
+        f'schema = "gtpin-dataset/2"\nrobot = "ur10"\n[[instrument]]\nname = "tracker"\nkind = "tracker"\nfile = "poses.csv"\n'
+        f'position_sigma = {NOISE}\nframe = "free"\ntarget = {(TARGET + 1e-3).tolist()}\ntarget_sigma = 2e-3\n'
+    )
+    return gtpin.Dataset.read(folder)
+
+
+@pytest.mark.parametrize("kind", ["free", "known to within 2 mm"])
+def test_a_table_of_an_arm_with_an_unknown_target_has_the_poses_of_the_urdf(kind: str, tmp_path: Path) -> None:
+    model = gtpin.calibrate(measured(kind, tmp_path)).model
     assert model.free_target
     assert difference(model, tmp_path) < NEAR
+    assert any("a free target" in text for text in told(model, tmp_path / "again.urdf")) is (kind == "free")

@@ -81,6 +81,21 @@ def test_decimal_commas_semicolons_and_degrees_are_read_as_they_are_named(write:
     np.testing.assert_allclose(dataset.covariates["temp_frame"], [20.5])
 
 
+@pytest.mark.parametrize("header", ["- - pose x y z", "Collection Group Name X [mm] Y [mm] Z [mm]", "Points"])
+def test_a_table_with_a_header_is_read_as_without_it(write: Write, header: str) -> None:
+    given: dict[str, Any] = {"commands": commands(["p1", "p2"]), "match": "pose"}
+    without = read_points(write("points.txt", POINTS), "ur5", NAMES, "space", "mm", **given)
+    headed = read_points(write("headed.txt", f"{header}\n{POINTS}"), "ur5", NAMES, "space", "mm", **given)
+    np.testing.assert_array_equal(headed.position, without.position)
+    assert list(headed.pose) == list(without.pose)
+
+
+def test_a_header_with_the_names_in_another_order_is_refused(write: Write) -> None:
+    file = write("points.csv", "Point,Y [mm],X [mm],Z [mm]\np1,1.0,2.0,3.0\n")
+    with pytest.raises(DatasetError, match="column 2 is 'y' here, and 'x' in --columns"):
+        read_points(file, "ur5", NAMES[2:], "comma", "mm", commands=commands(["p1"]), match="pose")
+
+
 @pytest.mark.parametrize("own", [True, False])
 def test_degrees_that_are_read_as_rad_are_refused_when_the_list_is_read(write: Write, own: bool) -> None:
     given = Commands(np.array(["p1", "p2"], dtype=object), np.array([[90.0, -80, 100, 45, 60, 170]] * 2))

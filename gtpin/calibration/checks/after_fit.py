@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from gtpin.calibration.checks import instruments, limits, moved, suspected
 from gtpin.calibration.checks.before_fit import check_moved, check_other_readings, reach_of
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
+from gtpin.calibration.checks.payload import check_payload
 from gtpin.calibration.checks.prior_conflict import without_prior_conflict
 from gtpin.calibration.checks.readings import misread, rotation_readings
 from gtpin.calibration.checks.recognise import either
@@ -72,6 +73,7 @@ def settled_poses(kept: Dataset, fit: RobustFit, *, doubt: bool) -> FitState:
             suspected.warn_of_far_parameters(settled, settled.geometry.tolerance)
         if doubt and coarse is None and not found.doubt:
             check_moved(kept, found.fit.point.model.geometry, fit.whole.start.geometry, fit.near, fit.found)
+    check_payload(kept.take(found.used), found.fit)
     return found
 
 

@@ -229,6 +229,10 @@ def check_moved(dataset: Dataset, geometry: Geometry, nominal: Geometry, near: P
     if far := moved_too_far(geometry, nominal, near, free):
         what = f"the fit moves {far}, farther than any machine of this kind is off: the data are not this robot's"
         hint = "check the robot's file and tcp, units and signs of q1 .. qn and of what was measured, where instruments stood"
+        if far.startswith("platform."):
+            hint = (
+                'if the target does not sit at the TCP, set target = "free" under [instrument], or write where it sits'
+            )
         refuse(DatasetError(what, file=dataset.file, hint=hint), dataset)
 
 

@@ -134,6 +134,8 @@ def _admitted(fit: RobustFit, settled: FitState) -> tuple[FitState, str]:
     elif found.what in ("part", "zero"):
         named = found.site if found.what == "part" else f"the zero of {found.site}"
         deviation = f"{named} looks off by more than the tolerances allow"
+        if found.site.startswith("platform"):
+            deviation += ", or the target is not where it is declared"
     else:
         deviation = f"its parameters are off by {found.size:g} times their tolerances"
     return relaxed, f"the nominal model is not this machine: {deviation}; {admit}"

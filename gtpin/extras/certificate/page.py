@@ -340,6 +340,10 @@ def statement(c: Certificate) -> list[str]:
     if names := movers(c.model):
         frame = f"Positions are in the mean of the base frame over the measurements: {joined(list(names))} moved it"
         found.append(f"{frame}, and is not corrected.")
+    if loaded := [active.name for active in c.model.effects if "load" in active.effect.depends_on]:
+        exact = "are those of the masses in the robot's file, taken as exact: their uncertainty is stated nowhere"
+        where = "Where they are wrong, the error at other postures and payloads can be larger"
+        found.append(f"The loads of {joined(loaded)} {exact}. {where}.")
     found += [STATED[key] for key in (c.verdict, c.noise_known) if key in STATED]
     return [*found, f"Set aside: {joined(list(c.set_aside))}."] if c.set_aside else found
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gtpin.accuracy.expected import Undetermined, unexplained_error
+from gtpin.accuracy.expected import Undetermined, expected_rms, unexplained_error
 from gtpin.compensation.machine import CompensatedMachine, machine_at
 from gtpin.data.instrument_tables import PlaneTable
 from gtpin.effects.operating_points import OperatingPoints
@@ -66,7 +66,8 @@ class OpenDirections:
         middle, half = mean + sum(ends) / 2.0, (ends[1] - ends[0]) / 2.0
         least = middle - np.hypot(low, half) if ends[0] else mean + low
         most = middle + np.hypot(high, half)
-        return float(np.sqrt(mean + fresh)), float(np.sqrt(max(least, 0.0))), float(np.sqrt(most))
+        expected = expected_rms(mean, fresh, noise_known=self.noise_known)
+        return expected, float(np.sqrt(max(least, 0.0))), float(np.sqrt(most))
 
     @property
     def words(self) -> str:

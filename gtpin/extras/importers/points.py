@@ -8,6 +8,7 @@ order are in the file, so the user gives both.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -163,14 +164,14 @@ def read_named_columns(
 ) -> NamedColumns:
     """Read a table.
 
-    ``file``: a text file; blank lines, lines that begin with ``//``, ``#`` or ``%``, and names of columns before the first
-    row are ignored. ``names``: names of the columns in their order: ``pose``, ``x y z``, ``qw qx qy qz`` or ``rx ry rz``,
+    ``file``: a text file; blank lines, lines that begin with ``//``, ``#`` or ``%``, and lines without a number before the
+    first row are ignored. ``names``: names of the columns in their order: ``pose``, ``x y z``, ``qw qx qy qz`` or ``rx ry rz``,
     ``q1 .. qn``, ``session``, names of covariates, and ``-`` for one that is ignored. ``separator``: of columns: ``comma``,
     ``semicolon``, ``tab`` or ``space`` (any number of them). ``header``: number of lines at the beginning that are not rows.
     ``decimal_comma``: whether the decimal separator is a comma. ``needed``: names that must be there.
 
-    Raises `DatasetError` if a name is missing or there twice, or a row has another number of columns, or text where a
-    number must be.
+    Raises `DatasetError` if a name is missing or there twice, the names in the file are in another order, or a row has
+    another number of columns, or text where a number must be.
     """
     wanted = _wanted(names, separator, decimal_comma, needed)
     rows: list[int] = []
@@ -179,15 +180,18 @@ def read_named_columns(
     for row, line in enumerate(text_lines(file), 1):
         if row <= header or not line.strip() or line.lstrip().startswith(COMMENTS):
             continue
-        texts = line.split(SIGNS[separator])
+        texts = [text.strip() for text in line.split(SIGNS[separator])]
+        words = texts if len(texts) == len(names) else re.split(r"[\s,;]+", line)
+        if not rows and all(math.isnan(number(word.replace(",", ".", 1))) for word in words):
+            if words is texts:
+                _check_header(texts, wanted, file, row)
+            continue
         if len(texts) != len(names):
             what = f"the row has {len(texts)} columns, and {len(names)} are named"
             hint = f"name all columns in their order, '{IGNORED}' for those that are not wanted; the separator is a {separator}"
             raise DatasetError(what, file=file, row=row, hint=hint)
-        if not rows and all(math.isnan(number(text.strip().replace(",", ".", 1))) for text in texts):
-            continue  # names of columns
         for name, place in wanted.items():
-            text = texts[place].strip()
+            text = texts[place]
             if name in ids:
                 try:
                     ids[name].append(normal_id(text))
@@ -212,6 +216,16 @@ def read_named_columns(
     named = {name: np.array(v, dtype=object) for name, v in ids.items()}
     pose = named.pop("pose", None)
     return NamedColumns(file, np.array(rows, dtype=np.int64), pose, {**values, **named})
+
+
+def _check_header(texts: list[str], wanted: Mapping[str, int], file: Path, row: int) -> None:
+    """Raise `DatasetError` where a column has the name of another wanted one."""
+    for name, place in wanted.items():
+        own = re.sub(r"[\s\[(].*", "", texts[place].lower().strip("\"'"))
+        if own != name and own in wanted:
+            what = f"column {place + 1} is {own!r} here, and {name!r} in --columns"
+            hint = "name the columns in their order, or pass over this line (--header N) if it is wrong"
+            raise DatasetError(what, file=file, row=row, column=name, hint=hint)
 
 
 def _wanted(names: list[str], separator: Separator, decimal_comma: bool, needed: Sequence[str]) -> dict[str, int]:

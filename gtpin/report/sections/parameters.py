@@ -70,7 +70,7 @@ def controller_blocks(model: Model) -> list[Block]:
         "What to add to the parameters of the controller; theta is the zero of a joint. Use all of them together: a parameter "
         "that is not determined stays near nominal. If a or alpha has the opposite sign in the controller, add the opposite."
     )
-    if model.free_target:
+    if model.geometry.target is not None:
         words += (
             " The tool stays as it is: the data do not determine it, because the place of the target on it was unknown."
         )
