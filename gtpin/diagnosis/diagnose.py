@@ -300,7 +300,8 @@ def _diagnose(
         return replace(whole, hold_out=which, blocks=len(blocks), sessions=sessions), less
 
     whole, less = gaps_by("region")
-    before = with_also(hypotheses, capped_by_left_out_errors(found, whole, less))
+    capped = capped_by_left_out_errors(found, whole, less, causes, bool(nominal.joint_sites), priors)
+    before = with_also(hypotheses, capped)
     left_out = FittedContext(prepared, settled, before, context.blocks, causes, gap=whole, shown=shown)
     found = judged(left_out, OF_LEFT_OUT_POSES).found
     sure = found.named_beside_unknown(hypotheses) if found.doubts else found
