@@ -24,7 +24,7 @@ from gtpin.diagnosis.priors import Priors
 from gtpin.effects.chain_motions import joint_frame, lengthened, load_frame, of_joint, of_tips
 from gtpin.effects.displacement import Displacement, along_track, of_lengths, rods_of
 from gtpin.effects.joints import loaded
-from gtpin.effects.measurement import DRIFT_DECAY, DRIFT_ORDERS
+from gtpin.effects.measurement import over_time
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import guided, links_at, turning_joint
 from gtpin.effects.smooth import (
@@ -286,10 +286,8 @@ def _conditions(at: OperatingPoints) -> Functions:
     """Functions of time, temperatures, payload and sessions, for those that vary."""
     for name in CONDITIONS:
         if at.varies(name):
-            orders, decay = (DRIFT_ORDERS, DRIFT_DECAY) if name == "time" else (3, 1.0)  # those of tracker_drift
             x = _over_range(at.covariate(name))
-            found = cosines(x, 1, orders, decay)
-            yield (name,), *(found if name == "time" else _with_line(x, *found))
+            yield (name,), *(over_time(x) if name == "time" else _with_line(x, *cosines(x, 1, 3, 1.0)))
     if at.varies("session"):
         sessions = session_columns(at)
         yield ("session",), sessions, np.ones(sessions.shape[1])
