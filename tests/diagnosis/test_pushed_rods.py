@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import gtpin
 from gtpin.data import InstrumentSection
-from gtpin.diagnosis.priors import SURE
+from gtpin.diagnosis.priors import LIKELY, SURE
 from gtpin.diagnosis.result import Diagnosis
 
 
@@ -104,3 +104,11 @@ def test_a_ball_that_is_out_of_round_is_named_with_its_form(seed):
     assert [(one.effect, one.site) for one in found.causes] == [("joint_runout", drawn.machine.rods[rod])]
     assert found.causes[0].probability >= SURE
     assert found.causes[0].parameters["rms"].value == pytest.approx(true, rel=0.5)
+
+
+def test_a_cause_that_explains_nothing_of_what_is_stated_is_stated_as_unlikely():
+    """Where the verdict leaves a cause open, so does its probability on the page."""
+    drawn = Drawn.of(7, 120)
+    found = drawn.diagnosed(5, bracket(drawn.q, (0, 2), 8e-5))
+    for cause in found.causes:
+        assert cause.explained_fraction > 0.0 or cause.probability < LIKELY
