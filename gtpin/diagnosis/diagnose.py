@@ -301,9 +301,8 @@ def _diagnose(
         return replace(whole, hold_out=which, blocks=len(blocks), sessions=sessions), less
 
     whole, less = gaps_by("region")
-    found = with_also(
-        hypotheses, capped_by_left_out_errors(found, whole, less, causes, bool(nominal.joint_sites), priors)
-    )
+    found = capped_by_left_out_errors(found, whole, less, causes, bool(nominal.joint_sites), priors)
+    found = with_also(hypotheses, found)
     left_out = FittedContext(prepared, settled, found, context.blocks, causes, gap=whole, shown=shown)
     found = judged(left_out, OF_LEFT_OUT_POSES).found
     sure = found.named_beside_unknown(hypotheses) if found.doubts else found
