@@ -289,6 +289,7 @@ def _diagnose(
     found = judged(context, OF_THE_FIT).found
     if found is not context.found:
         model, causes = _fitted(prepared, settled, found)
+    fitted = found.classes
     report("predicting poses left out", 0, float("nan"))
     shown = ShownNoise.of(settled.observed, hypotheses, settled.guess, prepared.declared, priors)
     floor, inferred = shown.floor(hypotheses.design), floor_of(settled.observed.noise, hypotheses.design)
@@ -300,12 +301,13 @@ def _diagnose(
         return replace(whole, hold_out=which, blocks=len(blocks), sessions=sessions), less
 
     whole, less = gaps_by("region")
-    before = with_also(hypotheses, capped_by_left_out_errors(found, whole, less))
-    left_out = FittedContext(prepared, settled, before, context.blocks, causes, gap=whole, shown=shown)
+    found = capped_by_left_out_errors(found, whole, less, causes, bool(nominal.joint_sites), priors)
+    found = with_also(hypotheses, found)
+    left_out = FittedContext(prepared, settled, found, context.blocks, causes, gap=whole, shown=shown)
     found = judged(left_out, OF_LEFT_OUT_POSES).found
     sure = found.named_beside_unknown(hypotheses) if found.doubts else found
-    if len(sure.classes) < len(found.classes) or found.classes is not before.classes:
-        # A cause that is not sure may only take up a part of the unknown.
+    if len(sure.classes) < len(found.classes) or found.classes is not fitted:
+        # A cause that is not sure may only take up a part of the unknown. Fitted causes have the probabilities of before.
         found = sure
         model, causes = _fitted(prepared, settled, found)
         whole, less = gaps_by("region")

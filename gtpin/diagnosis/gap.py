@@ -15,8 +15,8 @@ from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Posterior, given, marginal_power
 from gtpin.diagnosis.hypothesis import Hypothesis, Proxy, SmoothTerm, Term
 from gtpin.diagnosis.hypothesis_set import Gain, HypothesisSet, causes
-from gtpin.diagnosis.priors import UNLIKELY
-from gtpin.diagnosis.result import Correlate, Gap, HoldOut, InstrumentGap, Turns, Unexplained, Where
+from gtpin.diagnosis.priors import PRIORS, UNLIKELY, Priors
+from gtpin.diagnosis.result import Cause, Correlate, Gap, HoldOut, InstrumentGap, Turns, Unexplained, Where
 from gtpin.diagnosis.smooth_terms import COMMON
 from gtpin.diagnosis.verdict import Conclusion
 from gtpin.distributions import chi2, t
@@ -319,17 +319,32 @@ def lost(whole: Gap, less: Gap) -> float:
     return float(np.clip((less.after**2 - whole.after**2) / max(whole.before**2 - whole.floor**2, 1e-300), -1.0, 1.0))
 
 
-def capped_by_left_out_errors(found: Conclusion, whole: Gap, less: Mapping[Place, Gap]) -> Conclusion:
-    """The conclusion, in which a cause without which the errors of left-out poses are no larger is not likely.
+def capped_by_left_out_errors(
+    found: Conclusion,
+    whole: Gap,
+    less: Mapping[Place, Gap],
+    causes: Iterable[Cause],
+    wrist: bool,
+    priors: Priors = PRIORS,
+) -> Conclusion:
+    """The conclusion, in which a cause is not likely without which left-out errors are no larger, or whose size is open.
 
-    Errors are compared by the product of those of positions and of measured orientations. ``whole``, ``less``: as :func:`gaps`
-    returns them.
+    Errors are compared by the product of those of positions and of measured orientations; without a ``wrist``, those of
+    positions must be larger too: only they are reported. A size is open where each root mean square could be zero
+    (``priors.determined``). ``whole``, ``less``: as :func:`gaps` returns them. ``causes``: the same, with parameters.
     """
+
+    rms = {(c.effect, c.site): [e for name, e in c.parameters.items() if name.startswith("rms")] for c in causes}
 
     def size(of: Gap) -> float:
         return of.after if of.turns is None else of.after * of.turns.after
 
-    return found.bounded([c for c in found.classes if size(whole) >= size(less[c.place])], UNLIKELY)
+    def holds(cause: Hypothesis) -> bool:
+        other, sizes = less[cause.place], rms[cause.place]
+        smaller = size(whole) < size(other) and (wrist or whole.after < other.after)
+        return smaller and (not sizes or any(e.value > priors.determined * e.sigma for e in sizes))
+
+    return found.bounded([c for c in found.classes if not holds(c)], UNLIKELY)
 
 
 def as_unseen(design: Design, cause: Hypothesis, columns: Floats, blocks: list[Mask]) -> Floats:

@@ -168,9 +168,14 @@ class HypothesisSet:
 
         The parts of a chain carry their loads in series, and all give way: no imitation is suspected where one does beside
         another. With the share of ``related``, an arm's column and the bearing on it were named as a base that rocks.
+        Nor where a track is not straight and its cart turns: a profile has no equation from which it could depart.
         """
         robot, a, b = self.design.operating_points.robot, explained_by(term), explained_by(stronger)
-        if robot.joint_sites and all(isinstance(one, Hypothesis) and one.effect.load for one in (a, b)):
+        both = [one.effect for one in (a, b) if isinstance(one, Hypothesis)]
+        if len(both) == 2 and (
+            (robot.joint_sites and all(effect.load for effect in both))
+            or (a.site == b.site and all(effect.nature == "profile" for effect in both))
+        ):
             return self.priors.other
         if a.site == b.site and a.drivers(robot) & b.drivers(robot):
             return self.priors.same

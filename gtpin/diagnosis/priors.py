@@ -178,6 +178,10 @@ class Priors:
     """Standard deviations by which a parameter must be outside its plausible range before the cause is dropped. Derived: a
     chance of 1.3 in 1,000."""
 
+    determined: float = 2.0
+    """Ratio to its sigma that one root mean square of a cause must exceed: else its size is open, and the cause is not likely.
+    Assumed: the usual two sigmas."""
+
     # What the unknown could be.
     seen: float = 1e-3
     """P-value below which a covariate that correlates with the unexplained gap is reported. Assumed."""

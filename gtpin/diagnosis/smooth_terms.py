@@ -4,7 +4,7 @@ What moves or changes, and of what it is a smooth function:
 
 - a cart, or a joint of a robot without rods, in all directions: its own command, two commands, its command and load, time,
   temperature, load, direction of approach, or speed;
-- the length of a link: its load, its direction, directions of approach, or speeds;
+- the length of a link: its load, its direction, position, directions of approach, or speeds;
 - all links together, the platform, or the frame: time, session, temperature, payload, position; not links: force at the TCP;
   not the frame: directions of approach, speeds;
 - the length of all links by one strain, and the scale of what is measured, with a shift: time, session, temperature, payload;
@@ -24,7 +24,7 @@ from gtpin.diagnosis.priors import Priors
 from gtpin.effects.chain_motions import joint_frame, lengthened, load_frame, of_joint, of_tips
 from gtpin.effects.displacement import Displacement, along_track, of_lengths, rods_of
 from gtpin.effects.joints import loaded
-from gtpin.effects.measurement import DRIFT_DECAY, DRIFT_ORDERS
+from gtpin.effects.measurement import over_time
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.sites import guided, links_at, turning_joint
 from gtpin.effects.smooth import (
@@ -126,7 +126,7 @@ def _of_links(at: OperatingPoints, priors: Priors) -> Terms:
     rods = at.robot.rod_sites
     motion, names = ("length", rods) if rods else ("tip", tuple(link.name for link in links_at(at.robot, "arm")))
     for k, name in enumerate(names):
-        own = _of_rod(at, k) if rods else (*_loads(at, links_at(at.robot, name)[0]), *_approach(at))
+        own = _of_rod(at, k, priors) if rods else (*_loads(at, links_at(at.robot, name)[0]), *_approach(at))
         for over, waves, size in (*own, *_conditions(at)):
             yield SmoothTerm(name, over, motion), _changed(at, name, [waves], size, priors)
     for over, waves, size in (*_conditions(at), *_position(at, 2, priors), *_approach(at)):
@@ -137,8 +137,10 @@ def _of_links(at: OperatingPoints, priors: Priors) -> Terms:
         yield SmoothTerm("arm", over, "growth"), lengthened(at, "arm", strain, priors.smooth_strain * size)
 
 
-def _of_rod(at: OperatingPoints, i: int) -> Functions:
-    """Functions of a rod's force and direction, and of directions of approach, also multiplied by them."""
+def _of_rod(at: OperatingPoints, i: int, priors: Priors) -> Functions:
+    """Functions of a rod's force and direction, of the position of the TCP (a bracket touches the rod where several carts come
+    together), and of directions of approach, also multiplied by force and direction."""
+    yield from _position(at, 2, priors)
     load, size = _of_load(at.load[:, i], 5)
     a, b = (np.clip(at.tilt[:, i, c] / 2.5, -1.5, 1.5) for c in (0, 1))
     parts = [cosines(a, 1, 4, 1.0), cosines(b, 1, 4, 1.0), _plane(a, b, 5)]
@@ -284,10 +286,8 @@ def _conditions(at: OperatingPoints) -> Functions:
     """Functions of time, temperatures, payload and sessions, for those that vary."""
     for name in CONDITIONS:
         if at.varies(name):
-            orders, decay = (DRIFT_ORDERS, DRIFT_DECAY) if name == "time" else (3, 1.0)  # those of tracker_drift
             x = _over_range(at.covariate(name))
-            found = cosines(x, 1, orders, decay)
-            yield (name,), *(found if name == "time" else _with_line(x, *found))
+            yield (name,), *(over_time(x) if name == "time" else _with_line(x, *cosines(x, 1, 3, 1.0)))
     if at.varies("session"):
         sessions = session_columns(at)
         yield ("session",), sessions, np.ones(sessions.shape[1])

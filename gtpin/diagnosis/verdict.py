@@ -79,6 +79,8 @@ class Conclusion:
 
     def bounded(self, causes: Collection[Hypothesis], most: float) -> Conclusion:
         """The conclusion with a largest probability of the members of some causes' classes."""
+        if not causes:
+            return self
         classes = dict(self.classes)
         for cause in causes:
             share = min(most / classes[cause][0].probability, 1.0)

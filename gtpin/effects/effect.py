@@ -293,6 +293,10 @@ class Effect(ABC):
         """The effect as a change since an earlier model, whose frame and geometry are known."""
         return self
 
+    def as_stored(self, coefficients: int) -> Effect:
+        """The effect of a stored model with so many coefficients: an earlier release may have had fewer."""
+        return self
+
     def basis_of(self, at: OperatingPoints, site: str, values: Sequence[float]) -> Displacement:
         """Displacements for several values of the nonlinear parameter: the columns of :meth:`basis` for each, side by side."""
         if len(values) < 2:

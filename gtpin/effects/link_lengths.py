@@ -269,6 +269,21 @@ class JointClearance(Effect):
 
 ORDERS = [(m, n) for m, n in product(range(6), repeat=2) if 1 <= m + n <= 5]
 """Orders (m, n) of the products of cosines over the two angles of a link."""
+FARTHEST = 2.5
+"""Angle at which a cosine of order 1 has an extreme value, over the spread of the directions in the fit."""
+
+
+def _roundness() -> Floats:
+    """(m, m) quadratic form of the coefficients: mean square of f about the best sphere, over a cone of directions."""
+    radius, turn = np.sqrt(2.0 * (np.arange(20) + 0.5) / 20) / FARTHEST, 2.0 * np.pi * np.arange(24) / 24
+    a, b = np.outer(radius, np.cos(turn)).ravel(), np.outer(radius, np.sin(turn)).ravel()
+    sphere = np.linalg.qr(np.stack([np.ones_like(a), a, b, a**2 + b**2], axis=1))[0]
+    waves = np.stack([wave(a, m) * wave(b, n) for m, n in ORDERS], axis=1) / np.sqrt(len(a))
+    waves -= sphere @ (sphere.T @ waves)
+    return np.asarray(waves.T @ waves)
+
+
+_ROUNDNESS = _roundness()
 
 
 class JointRunout(Effect):
@@ -278,8 +293,8 @@ class JointRunout(Effect):
     products of cosines. Cosines of long wavelength have larger typical sizes. Geometry absorbs the part of f that is constant
     or linear in the angles.
 
-    Parameters: ``rms``, root mean square of f over the range of directions, m; ``largest_wave``, the largest absolute
-    coefficient of f, m.
+    Parameters: ``rms``, m: root mean square of f about the best sphere, whose radius and centre geometry absorbs, over a cone
+    of directions with the spread of those in the fit.
 
     Typical size: root mean square of f 15 um. Balls of grade 100 are round to 2.5 um, of grade 200 to 5 um (ISO 3290);
     machined or worn sockets are less round.
@@ -296,14 +311,11 @@ class JointRunout(Effect):
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         i = rods_of(at, site)[0]
-        a, b = (np.clip(at.tilt[:, i, c] / 2.5, -1.5, 1.5) for c in (0, 1))
+        a, b = (np.clip(at.tilt[:, i, c] / FARTHEST, -1.5, 1.5) for c in (0, 1))
         waves = [wave(a, m) * wave(b, n) for m, n in ORDERS]
         size = np.array([(m + n) ** -1.2 for m, n in ORDERS])
         size *= 2.0 / np.linalg.norm(size)
         return of_lengths(at, [i], np.stack(waves, axis=1)[:, None, :], unit(size, 1.5e-5))
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
-        # The mean square of a cosine is 1/2, that of a product of two cosines 1/4.
-        square = np.array([0.25 if m and n else 0.5 for m, n in ORDERS])
-        rms = float(np.sqrt(square @ coefficients**2))
-        return {"rms": (rms, "m"), "largest_wave": (float(np.abs(coefficients).max()), "m")}
+        return {"rms": (float(np.sqrt(coefficients @ _ROUNDNESS @ coefficients)), "m")}

@@ -10,12 +10,12 @@ from gtpin.effects.modulation import MODULATION
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.effects.smooth import (
     FREEDOMS,
+    GRID,
     SHIFT,
     TURN,
     cosines,
     frame_twist,
     session_columns,
-    span,
     target_twist,
     wave,
 )
@@ -24,6 +24,12 @@ from gtpin.typing import Floats
 DRIFT_ORDERS, DRIFT_DECAY = 8, 1.3
 """Number of cosines over the time of the fit for each degree of freedom of the frame, and the power p: the size of order k is
 proportional to k^-p."""
+
+
+def over_time(x: Floats) -> tuple[Floats, Floats]:
+    """(N, m) cosines over time x (N,), -1 to 1, then a straight line, to whose ends few cosines do not reach; (m,) sizes."""
+    waves, size = cosines(x, 1, DRIFT_ORDERS, DRIFT_DECAY)
+    return np.column_stack([waves, x]), np.append(size, 1.0)
 
 
 class TrackerDrift(Effect):
@@ -56,31 +62,37 @@ class TrackerDrift(Effect):
     acts_at = staticmethod(lambda _: ("frame",))
     needs = ("time",)
 
-    def __init__(self, *, since_right: bool = False) -> None:
-        """``since_right``: whether the frame was right without the drift, so that there is no constant part."""
-        self.since_right = since_right
+    def __init__(self, *, since_right: bool = False, line: bool = True) -> None:
+        """``since_right``: whether the frame was right without the drift, so that there is no constant part. ``line``: whether
+        there is a straight line besides the cosines; models of earlier releases have none."""
+        self.since_right, self.line = since_right, line
 
     def as_change(self) -> TrackerDrift:
         return type(self)(since_right=True)
+
+    def as_stored(self, coefficients: int) -> TrackerDrift:
+        return type(self)(since_right=self.since_right, line=coefficients > 6 * (1 + DRIFT_ORDERS))
 
     def basis(self, at: OperatingPoints, site: str, shape_parameter: float | None = None) -> Displacement:
         return _moved(*frame_twist(at), *self.over_time(at))
 
     def over_time(self, at: OperatingPoints) -> tuple[Floats, Floats]:
-        """(N, k) a constant and cosines over the time of the fit, and (k,) their sizes: the constant is as large as the cosines
-        together are at the beginning, where most frames are set up."""
-        waves, size = cosines(np.clip(at.time, -1.0, 1.0), 1, DRIFT_ORDERS, DRIFT_DECAY)
+        """(N, k) a constant, cosines over the time of the fit and a straight line, and (k,) their sizes: the constant is as
+        large as the others together are at the beginning, where most frames are set up."""
+        x = np.clip(at.time, -1.0, 1.0)
+        waves, size = over_time(x) if self.line else cosines(x, 1, DRIFT_ORDERS, DRIFT_DECAY)
         constant = 0.0 if self.since_right else np.linalg.norm(size)
         return np.hstack([np.ones((len(at), 1)), waves]), np.append(constant, size)
 
     def parameters(self, coefficients: Floats, shape_parameter: float | None) -> Parameters:
         by_order = coefficients.reshape(-1, 6)[1:]  # without the constant part
-        drift = -2.0 * by_order[::2].sum(axis=0)
-        spans = [span(c) for c in by_order.T]
+        waves = over_time(GRID)[0] if self.line else cosines(GRID, 1, DRIFT_ORDERS)[0]
+        moved = waves @ by_order
+        drift, spans = moved[-1] - moved[0], np.ptp(moved, axis=0)
         return {
             **{name: (float(d), unit) for (name, unit), d in zip(FREEDOMS, drift, strict=True)},
-            "largest_shift": (max(spans[:3]), "m"),
-            "largest_turn": (max(spans[3:]), "rad"),
+            "largest_shift": (float(spans[:3].max()), "m"),
+            "largest_turn": (float(spans[3:].max()), "rad"),
         }
 
 

@@ -47,11 +47,6 @@ def extent(coefficients: Floats) -> tuple[float, float]:
     return float(np.sqrt((residual**2).mean())), float(np.ptp(residual))
 
 
-def span(coefficients: Floats) -> float:
-    """Largest less smallest value of a sum of cosines of orders 1 to m, with coefficients (m,), in their unit."""
-    return float(np.ptp(cosines(GRID, 1, len(coefficients))[0] @ coefficients))
-
-
 def modulated(column: Floats, coordinates: list[Floats], share: float) -> tuple[Floats, Floats]:
     """A displacement (N,) and its modulation: the displacement times cosines of coordinates (N,).
 

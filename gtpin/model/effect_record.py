@@ -220,6 +220,7 @@ def active_effect(stored: EffectRecord, kinematics: Kinematics, known: Mapping[s
     if effect is None:
         hint = f"install the package that registers it under {GROUP}, or give it: read_model(..., effects=[MyEffect()])"
         raise ModelError(f"no effect is called {stored.effect!r}", column="effect", hint=hint)
+    effect = effect.as_stored(len(stored.coefficients))
     sites = effect.sites(robot)
     if stored.site not in sites:
         raise ModelError(

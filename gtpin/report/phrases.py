@@ -259,21 +259,29 @@ def cause_rows(found: Findings) -> list[list[str]]:
     class, and by what is left of the probability."""
     rows = []
     for cause in found.causes:
-        values = [value(*one) for one in cause.parameters.items()]
-        more = [f"and {len(values) - SHOWN} more"] if len(values) > SHOWN else []
-        name = f"{title(found, cause)}\n  at {site_words(cause.site)}"
-        rows.append([name, chance(cause.probability), "\n".join(values[:SHOWN] + more), explained_part(found, cause)])
-        for together in alternatives(cause):
+        for i, together in enumerate(options(cause)):
+            first, starts = together[0], ("  or " if i else "", *["  with "] * len(together))
             name = "\n".join(
-                f"  {word} {found.effect(one.effect).title}\n     at {site_words(one.site)}"
-                for word, one in zip(("or", *["with"] * len(together)), together, strict=False)
+                f"{start}{title(found, one)}\n{'     ' if start else '  '}at {site_words(one.site)}"
+                for start, one in zip(starts, together, strict=False)
             )
-            own = [value(*one) for one in together[0].parameters.items()]
-            rows.append([name, chance(sum(one.probability for one in together)), "\n".join(own[:LINES]), ""])
+            own, shown = [value(*one) for one in first.parameters.items()], SHOWN if first is cause else LINES
+            more = [f"and {len(own) - shown} more"] if first is cause and len(own) > shown else []
+            part = explained_part(found, cause) if first is cause else ""
+            rows.append([name, chance(_probability(together)), "\n".join(own[:shown] + more), part])
         left = 1.0 - sum(member.probability for member in cause.members)
         if left >= CLASS_SHARE:
             rows.append(["  or something else", chance(left), "", ""])
     return rows
+
+
+def options(cause: Cause) -> list[tuple[Cause | Member, ...]]:
+    """What could be the cause, the most probable first: the cause, and each alternative."""
+    return sorted([(cause,), *alternatives(cause)], key=lambda one: -_probability(one))
+
+
+def _probability(together: Iterable[Cause | Member]) -> float:
+    return sum(one.probability for one in together)
 
 
 def alternatives(cause: Cause) -> list[tuple[Member, ...]]:
@@ -313,12 +321,16 @@ def _line(found: Findings, cause: Cause, noun: str) -> str:
         how = "; ".join(filter(None, ("certain" if sure else f"probable, {chance(cause.probability)}", share)))
         said = f"{site_words(cause.site)}: {sized(found, cause, title(found, cause))} ({how})"
         return said if cause.site not in SITES else capital(said)
-    rest, probable = alternatives(cause), cause.probability >= PROBABLE
-    second = " with ".join(cause_name(found, one) for one in rest[0])
-    second += f" ({chance(sum(one.probability for one in rest[0]))})"
-    if len(rest) > 1:
-        second = f"{'' if probable else 'one of '}{len(rest)} others"
-    first = f"{sized(found, cause, cause_name(found, cause))} ({chance(cause.probability)})"
+    every = [
+        " with ".join(
+            sized(found, one, cause_name(found, one)) if one is cause else cause_name(found, one) for one in some
+        )
+        + f" ({chance(_probability(some))})"
+        for some in options(cause)
+    ]
+    first, second, probable = *every[:2], cause.probability >= PROBABLE
+    if len(every) > 2:
+        second = f"{'' if probable else 'one of '}{len(every) - 1} others"
     words = ", ".join(filter(None, ("Probable" if probable else "Open", share)))
     if probable:
         return f"{words}: {first}; not excluded: {second}"

@@ -389,3 +389,21 @@ def test_sessions_are_the_same_however_they_are_spelt():
 def test_a_covariate_that_can_t_be_is_refused_by_name(values):
     with pytest.raises(ModelError, match="approach1"):
         with_effect("backlash", "cart1").predict(Q, COLUMNS | {"approach1": values})
+
+
+def test_a_drift_of_an_earlier_release_predicts_what_it_did(tmp_path):
+    """Of 54 coefficients: a constant and eight cosines over time, no straight line, each times six motions of the frame."""
+    now = active("tracker_drift", "frame")
+    c = 1e-5 * np.random.default_rng(3).standard_normal(54)
+    c.reshape(9, 6)[:, 3:] = 0.0  # no rotations
+    old = replace(now, effect=now.effect.as_stored(54), coefficients=c, covariance=np.diag(np.full(54, 1e-12)))
+    gtpin.write_model(gtpin.Model(GEOMETRY, effects=(old,), covariance=np.diag(GEOMETRY.tolerance**2)), tmp_path)
+    model = gtpin.read_model(tmp_path)
+    (read,) = model.effects
+    np.testing.assert_array_equal(read.coefficients, c)
+    q, columns = circumstances(7, seed=1)
+    x = 2.0 * columns["time"] / 7200.0 - 1.0
+    shift = np.stack([np.cos(np.pi / 2.0 * k * (x + 1.0)) for k in range(9)], axis=1) @ c.reshape(9, 6)[:, :3]
+    plain, moved = gtpin.Model(GEOMETRY).predict(q), model.predict(q, columns)
+    np.testing.assert_allclose(moved.T - plain.T, shift, atol=1e-12)
+    assert read.effect.parameters(c, None)["shift_x"][0] == pytest.approx(shift[-1, 0] - shift[0, 0])

@@ -234,6 +234,24 @@ def test_two_that_only_together_could_be_the_cause_are_said_together(findings):
     assert chance == "40\u00a0%"
 
 
+def test_what_could_be_the_cause_is_said_in_the_order_of_probability(findings):
+    found = findings["explained"]
+    cause, drift, links = found.causes[0], ("tracker_drift", "frame"), ("thermal_links", "arm")
+    pair = (Member(*drift, 0.25, beside=links), Member(*links, 0.25, beside=drift))
+    members = (Member(cause.effect, cause.site, 0.3), *pair, Member("backlash", "cart3", 0.15))
+    doubtful = replace(found, verdict="ambiguous", causes=(replace(cause, probability=0.3, members=members),))
+    rows = cause_rows(doubtful)
+    assert [row[1] for row in rows] == [f"{percent}\u00a0%" for percent in (50, 30, 15, 5)][: len(rows)]
+    assert rows[0][0].startswith("drift over time")
+    assert rows[1][0].startswith("  or ")
+    assert rows[1][3]  # what the cause explains stays beside it
+    line = next(line for line in verdict(doubtful).headline.splitlines() if "Open" in line)
+    assert line.index("drift over time") < line.index("others")
+    two = replace(found, verdict="ambiguous", causes=(replace(cause, probability=0.3, members=members[:3]),))
+    line = next(line for line in verdict(two).headline.splitlines() if "Open" in line)
+    assert line.index("drift over time") < line.index(found.effect(cause.effect).title)
+
+
 def test_three_that_only_together_could_be_the_cause_are_one_row(findings):
     found = findings["explained"]
     cause, sites = found.causes[0], ("cart1", "cart2", "cart3")
