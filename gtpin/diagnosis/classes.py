@@ -284,7 +284,7 @@ def with_shared_loads(hypotheses: HypothesisSet, model: Posterior[Term], classes
     for cause, members in classes.items():
         soft = [h for h in hypotheses.linear if cause.effect.load and h.effect.load and h not in model.terms]
         here = [h for h in soft if h.site == cause.site and h.effect.load == cause.effect.load]
-        there = [h for h in soft if h not in here] if hypotheses.long else []
+        there = [h for h in soft if h not in here and not _in_all_links(h, cause)] if hypotheses.long else []
         rest = without(hypotheses.groups, model, cause, sweeps=1)
         temperature = priors.temperature_of(model.log_evidence - rest.log_evidence)
         beside, alone = hypotheses.gains(model, soft), hypotheses.gains(rest, there)
@@ -308,6 +308,11 @@ def with_shared_loads(hypotheses: HypothesisSet, model: Posterior[Term], classes
             known[other.place] = replace(second, probability=second.probability - lacking)
             found[cause] = members = ordered(known.values(), cause)
     return found
+
+
+def _in_all_links(one: Hypothesis, other: Hypothesis) -> bool:
+    """Whether two hypotheses are one effect, of all links and of one of these: a link that gives way by more is a departure."""
+    return one.effect is other.effect and "arm" in (one.site, other.site)
 
 
 def with_all_actuators(hypotheses: HypothesisSet, model: Posterior[Term], classes: Classes) -> Classes:
