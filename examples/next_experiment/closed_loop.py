@@ -51,7 +51,7 @@ EFFECTS = {
 EVERY = {"gantry_tau": 1, "ur5": 10}
 """A robot has a machine with each effect for each of so many machines of the first robot."""
 ENERGY, POSES = (63.0, 600.0), 140
-SEEDS = 1795516897
+SEEDS = 1796079002
 """The first machine's seed: the clock's seconds before the table was measured last, so that nothing was ever tuned on them."""
 OUTCOMES = ("right", "wrong", "open", "lost")
 LEAST = 1e-3

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.special import logsumexp
 
-from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, gain
+from gtpin.diagnosis.evidence import NOTHING, Groups, Marginal, fixed, gain
 from gtpin.diagnosis.hypothesis import Hypothesis, SmoothTerm
 from gtpin.diagnosis.priors import PRIORS, SURE, Priors
 from gtpin.diagnosis.result import Experiment
@@ -227,15 +227,29 @@ def discriminate(
     others = other_causes(trials, [s for i, s in enumerate(classes) if i != which], words)
     at = trials.design.operating_points
 
-    def prediction(basis: Displacement) -> Prediction:
-        """The prediction of a term given the other causes, at the scale that the measured rows give it."""
+    def prediction(basis: Displacement, lines: Sequence[tuple[Displacement, Displacement]] = ()) -> Prediction:
+        """The prediction of a term given the other causes, at the scale that the measured rows give it.
+
+        ``lines``: its displacements where one value of its nonlinear parameter is a standard deviation smaller, and larger. Its
+        uncertainty is a further column, at the coefficients of largest probability.
+        """
         design, old = trials.design, trials.old
         X = design.columns(basis)
         groups: Groups[str] = Groups(Marginal(np.hstack([design.B, others])[old]), design.y[old])
         groups.add("it", X[old])
-        return Prediction.of(trials, np.hstack([others, X * gain(groups, NOTHING, "it")[1]]))
+        scale = gain(groups, NOTHING, "it")[1]
+        mean = fixed(groups, ["it"], [scale]).mean
+        off = [(design.columns(high) - design.columns(low)) @ mean / 2.0 for low, high in lines]
+        return Prediction.of(trials, np.column_stack([others, X * scale, *off]))
 
-    predictions = [prediction(hypothesis.basis(at)) for hypothesis, _ in members]
+    def shifted(hypothesis: Hypothesis) -> Iterator[tuple[Displacement, Displacement]]:
+        """The displacements with each value of the nonlinear parameter a standard deviation smaller, and larger."""
+        for k, (value, sigma) in enumerate(hypothesis.lines):
+            around = [[*hypothesis.values[:k], value + way * sigma, *hypothesis.values[k + 1 :]] for way in (-1.0, 1.0)]
+            low, high = (hypothesis.effect.basis_of(at, hypothesis.site, values) for values in around)
+            yield low, high
+
+    predictions = [prediction(hypothesis.basis(at), list(shifted(hypothesis))) for hypothesis, _ in members]
     probabilities = [p for _, p in members]
     if len(members) == 1:
         predictions.append(Prediction.of(trials, others))
