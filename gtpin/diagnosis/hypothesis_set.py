@@ -96,8 +96,8 @@ class HypothesisSet:
         self._scans: dict[Hypothesis, Scan] = {}
         self.models_with_lines: dict[tuple[tuple[Term, ...], tuple[float, ...], Hypothesis], Posterior[Term]] = {}
         """Models with all lines of a periodic error, by terms and scales of the model without the error, and its first line."""
-        self.searches: dict[tuple[tuple[Term, ...], tuple[Term, ...], int, bool], Posterior[Term]] = {}
-        """Models of earlier searches: by first terms, allowed terms, number of terms, and whether the search was rough."""
+        self.searches: dict[tuple[tuple[Term, ...], tuple[Term, ...], int], Posterior[Term]] = {}
+        """Models of earlier searches: by first terms, allowed terms, and number of terms."""
         self._gains: dict[tuple[tuple[Term, ...], tuple[float, ...]], dict[Term, Gain]] = {}
         self._costs: dict[tuple[Term, ...], tuple[float, ...]] = {}
 

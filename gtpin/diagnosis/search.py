@@ -33,13 +33,13 @@ def rough_guess(hypotheses: HypothesisSet, before: Posterior[Term] = NOTHING) ->
     """A model of everything that is not noise, by one search from a single first term.
 
     ``before``: an earlier such model, of these poses with another noise. A search of a robot without rods, whose models are
-    long, starts from it. For the noise, a drive's smooth deviation is as good as its lines.
+    long, starts from it.
     """
     start, known = NOTHING, set(hypotheses.every)
     terms = [term for term in before.terms if hypotheses.without_value(term) in known]
     if hypotheses.long and terms:
         start = _pruned(hypotheses, hypotheses.of(terms, [scales(before)[term] for term in terms]))
-    return search(hypotheses, hypotheses.every, beginnings=1, start=start, rough=True)
+    return search(hypotheses, hypotheses.every, beginnings=1, start=start)
 
 
 def search(
@@ -47,13 +47,11 @@ def search(
     terms: Sequence[Term],
     beginnings: int = BEAM,
     start: Posterior[Term] = NOTHING,
-    rough: bool = False,
 ) -> Posterior[Term]:
     """The model of largest log posterior that was found, out of some terms.
 
     ``terms``: the terms that the model can have. ``beginnings``: number of first terms that are tried. ``start``: a model of
-    these hypotheses that is extended first; if it then has more than ``MOST_TERMS`` terms, no other first term is tried.
-    ``rough``: without lines in the place of smooth deviations, the most costly step. At
+    these hypotheses that is extended first; if it then has more than ``MOST_TERMS`` terms, no other first term is tried. At
     last an effect at all actuators is tried, where this explains more than each term alone: actuators of one build have the
     same weakness, and the first step from one of them can lead to a term that imitates all.
     """
@@ -61,7 +59,7 @@ def search(
     alone, terms = hypotheses.gains(NOTHING, terms), _with_room(hypotheses, NOTHING, terms)
     order = sorted(terms, key=lambda t: -(alone[t].value - hypotheses.cost(t)))
     passed: Passed = {}
-    best: Posterior[Term] = _extend(hypotheses, start, terms, largest, passed, rough) if start.terms else NOTHING
+    best: Posterior[Term] = _extend(hypotheses, start, terms, largest, passed) if start.terms else NOTHING
     taken = {hypotheses.without_value(t) for t in best.terms}
     for term in order[: beginnings if len(best.terms) <= MOST_TERMS else 0]:
         if alone[term].value < hypotheses.cost(term):
@@ -69,24 +67,24 @@ def search(
         if term in taken:
             continue
         first = (alone[term].term,)
-        if (key := (first, tuple(terms), largest, rough)) not in hypotheses.searches:
-            hypotheses.searches[key] = _extend(hypotheses, hypotheses.of(first, (1.0,)), terms, largest, passed, rough)
+        if (key := (first, tuple(terms), largest)) not in hypotheses.searches:
+            hypotheses.searches[key] = _extend(hypotheses, hypotheses.of(first, (1.0,)), terms, largest, passed)
         larger = hypotheses.searches[key]
         if hypotheses.log_posterior(larger) > hypotheses.log_posterior(best):
             best = larger
             taken = {hypotheses.without_value(t) for t in best.terms}
     for alike in _at_all_actuators(hypotheses, terms, alone):
-        every = (alike, tuple(terms), largest, rough)
+        every = (alike, tuple(terms), largest)
         if every not in hypotheses.searches:
             larger = hypotheses.of(alike, [1.0] * len(alike))
             if hypotheses.log_posterior(larger) > alone[order[0]].value - hypotheses.cost(order[0]):
-                larger = _extend(hypotheses, _pruned(hypotheses, larger), terms, largest, passed, rough)
+                larger = _extend(hypotheses, _pruned(hypotheses, larger), terms, largest, passed)
             hypotheses.searches[every] = larger
         best = max(best, hypotheses.searches[every], key=hypotheses.log_posterior)
     tried = set[tuple[Term, ...]]()
     while (two := _two_instead(hypotheses, best, terms)) is not None and two.terms not in tried:
         tried.add(two.terms)
-        best = _extend(hypotheses, two, terms, largest, passed, rough)
+        best = _extend(hypotheses, two, terms, largest, passed)
     return best
 
 
@@ -180,7 +178,6 @@ def _extend(
     terms: Sequence[Term],
     largest: int,
     passed: Passed,
-    rough: bool = False,
 ) -> Posterior[Term]:
     """A model after all steps that increase its log posterior: one more term, more lines of a term, exchanges, removals.
 
@@ -220,7 +217,7 @@ def _extend(
                 break
         else:
             larger = with_lines_reestimated(hypotheses, model)
-            if not rough and hypotheses.log_posterior(larger) < hypotheses.log_posterior(model) + LINES_CONVERGED:
+            if hypotheses.log_posterior(larger) < hypotheses.log_posterior(model) + LINES_CONVERGED:
                 larger = _with_lines_instead(hypotheses, larger)  # the most costly step comes last
             if hypotheses.log_posterior(larger) < hypotheses.log_posterior(model) + LINES_CONVERGED:
                 model = larger
