@@ -10,6 +10,7 @@ from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.problem import Problem
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
+from gtpin.kinematics.rotations import frame_motions
 from gtpin.robot.placement_frames import frame_of_joint
 from gtpin.typing import Floats
 
@@ -52,8 +53,8 @@ def check_payload(dataset: Dataset, fit: Fit[Problem]) -> None:
 
     Each joint of a robot without rods may give way about three axes (along three where it slides), in the direction of its
     load: dq = c M(m) with c >= 0 and the load M at the payload m. For each reading of the column the c are fitted to the
-    residuals, linearly and together with the geometry. A reading must be far better than no payload too: errors that depend on
-    the commands alone can look like loads without one.
+    residuals, linearly and together with the geometry and a frame that moves with the payload. A reading must be far better
+    than no payload too: errors that depend on the commands alone can look like loads without one.
 
     ``dataset``: the rows of the fit. Warns: of a reading with which the residuals are much smaller, and of a column of 0 and 1,
     which may say no mass.
@@ -78,12 +79,18 @@ def check_payload(dataset: Dataset, fit: Fit[Problem]) -> None:
         own, per = bare[:, None, frame, part], per_mass[:, None, frame, part]
         parts.append([moved * own, moved * per, moved * per * column[:, None, None]])
     links, unit, read = (np.concatenate(found, axis=2) for found in zip(*parts, strict=True))
+    shifts = frame_motions(point.poses.T - kinematics.home.T[0]) * column[:, None, None]
+    others = bodies.by_twist(frame, np.eye(6)).shape[1] - 6  # measured links and joints, which do not move
+    shifts = np.pad(shifts, ((0, 0), (0, others), (0, 0)))
+    frames = problem.whitening @ problem.measured.change_by(shifts, point.model, point.poses)
     B = np.concatenate([problem.jacobian(point, rows) for rows in problem.chunks()])
     k, loads = B.shape[2], links.shape[2]
     y = problem.residual(point) + B @ point.x
-    above = np.concatenate([root * B, links, unit, read, root * y[..., None]], axis=2).reshape(-1, k + 3 * loads + 1)
-    below = np.pad(np.diag(np.sqrt(problem.prior)), ((0, 0), (0, 3 * loads + 1)))
-    R = np.asarray(np.linalg.qr(np.vstack([above, below]), mode="r"))[k:, k:]  # without what the geometry absorbs
+    columns_of = [root * B, root * frames, links, unit, read, root * y[..., None]]
+    above = np.concatenate(columns_of, axis=2).reshape(-1, k + 6 + 3 * loads + 1)
+    below = np.pad(np.diag(np.sqrt(problem.prior)), ((0, 0), (0, 6 + 3 * loads + 1)))
+    # Without what the geometry absorbs, and a frame that moves with the payload.
+    R = np.asarray(np.linalg.qr(np.vstack([above, below]), mode="r"))[k + 6 :, k + 6 :]
     links, unit, read, left = R[:, :loads], R[:, loads : 2 * loads], R[:, 2 * loads : -1], R[:, -1]
 
     def squares(a: float, b: float) -> float:
