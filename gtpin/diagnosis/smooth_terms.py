@@ -4,7 +4,7 @@ What moves or changes, and of what it is a smooth function:
 
 - a cart, or a joint of a robot without rods, in all directions: its own command, two commands, its command and load, time,
   temperature, load, direction of approach, or speed;
-- the length of a link: its load, its direction, position, directions of approach, or speeds;
+- the length of a link: its load, its direction, position, its cart's command, directions of approach, or speeds;
 - all links together, the platform, or the frame: time, session, temperature, payload, position; not links: force at the TCP;
   not the frame: directions of approach, speeds;
 - the length of all links by one strain, and the scale of what is measured, with a shift: time, session, temperature, payload;
@@ -141,6 +141,9 @@ def _of_rod(at: OperatingPoints, i: int, priors: Priors) -> Functions:
     """Functions of a rod's force and direction, of the position of the TCP (a bracket touches the rod where several carts come
     together), and of directions of approach, also multiplied by force and direction."""
     yield from _position(at, 2, priors)
+    j = at.robot.rod_carriers[i]
+    if j is not None and len(at.robot.rods_on(j)) > 1:  # of a cart with one rod, its motion along the track is the same
+        yield (f"q{j + 1}",), *smooth_cosines(at, j, ROUGH, 1.0)
     load, size = _of_load(at.load[:, i], 5)
     a, b = (np.clip(at.tilt[:, i, c] / 2.5, -1.5, 1.5) for c in (0, 1))
     parts = [cosines(a, 1, 4, 1.0), cosines(b, 1, 4, 1.0), _plane(a, b, 5)]

@@ -95,6 +95,17 @@ def test_a_rod_that_a_bracket_pushes_is_unknown_at_this_rod(rod, carts):
     assert not found.causes
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("rod", "cart"), [(1, 1), (2, 1), (3, 2), (5, 2)])
+def test_a_rod_that_is_pushed_along_its_own_cart_is_no_rotation_of_the_cart(rod, cart):
+    """A ramp of 0.1 m from the last third of the cart's travel on."""
+    drawn = Drawn.of(9, 160)
+    ramp = np.clip((drawn.q[:, cart] - np.quantile(drawn.q[:, cart], 0.65)) / 0.1, 0.0, 1.0)
+    found = drawn.diagnosed(rod, 8e-5 * ramp)
+    assert found.verdict == "unknown"
+    assert not [cause for cause in found.causes if cause.probability >= SURE]
+
+
 @pytest.mark.parametrize("seed", [1011, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1017, 1022, 1023))])
 def test_a_ball_that_is_out_of_round_is_named_with_its_form(seed):
     drawn = Drawn.of(seed, 150)
