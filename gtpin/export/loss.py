@@ -193,7 +193,7 @@ def _conditions(model: Model, active: ActiveEffect) -> str | None:
 
 def assumed_tool(model: Model) -> tuple[str, ...]:
     """What is assumed of the tool, as a text, where the target was free; else none."""
-    if model.geometry.target is None:
+    if not model.targets_free:
         return ()
     tool = {p.name: p.tolerance for p in model.geometry.at_tool().parameters if p.kind == "platform"}
     assumed = (

@@ -60,7 +60,7 @@ def controller_table(model: Model, *, exact: bool = False) -> tuple[DhParameter,
     ``exact``: whether to raise `ConvergenceError` where no table with the poses of the geometry is found; else the corrections
     are then right to first order.
     """
-    left = ("base", "tool") if model.geometry.target is not None else ("base",)
+    left = ("base", "tool") if model.targets_free else ("base",)
     return tuple(p for p in table_with_base(model, exact=exact) if p.site not in left)
 
 
@@ -80,8 +80,7 @@ def table_with_base(model: Model, *, exact: bool = False) -> tuple[DhParameter, 
     size = len(geometry.parameters)
     if not chain or size != 6 * (len(chain) + 1):
         return ()
-    free_target = geometry.target is not None
-    rows, V, table = _directions(geometry, free_target=free_target)
+    rows, V, table = _directions(geometry, free_target=model.targets_free)
     if not geometry.deviation.any():
         return tuple(DhParameter(*row, 0.0, np.nan, False, way) for row, way in zip(rows, V.T, strict=True))
     prior = np.diag(geometry.tolerance**2)
@@ -90,7 +89,7 @@ def table_with_base(model: Model, *, exact: bool = False) -> tuple[DhParameter, 
     sigma = np.full(len(rows), np.nan) if covariance is None else np.sqrt(np.diag(spread))
     before = np.sqrt(np.diag(np.linalg.inv(V.T @ np.linalg.solve(prior, V))))
     start, stands = spread @ (half.T @ geometry.deviation), free_motions(model)
-    known = np.array([not (free_target and row[0] == "tool") for row in rows])
+    known = np.array([not (model.targets_free and row[0] == "tool") for row in rows])
     found = np.where(known, start, 0.0)
     try:
         found = table.equal_to(Model(geometry.at_tool()), found, spread * np.outer(known, known), stands)

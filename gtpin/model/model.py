@@ -282,6 +282,13 @@ class Model:
         return found
 
     @property
+    def targets_free(self) -> bool:
+        """Whether every target was ``free``: the tool then stays where the robot's file has it."""
+        tables = [one.table for one in self.instruments if not one.table.targetless]
+        free = [isinstance(table, TrackerTable) and table.target == "free" for table in tables]
+        return self.geometry.target is not None or (bool(free) and all(free))
+
+    @property
     def free_target(self) -> bool:
         """Whether the place of every measured target on the tool was unknown: the data then show nothing of the tool.
 
