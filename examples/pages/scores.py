@@ -195,7 +195,8 @@ def planted() -> str:
     """What is said of causes that were planted in measured data, for docs/blind.md, by machine: the worst figure first."""
     found = _record("planted.json")["sealed"]
     lines = ["| | all | share | " + " | ".join(BACKGROUNDS.values()) + " |", "|---" * (len(BACKGROUNDS) + 3) + "|"]
-    for key in sorted(PLANTED, key=lambda key: found["all"][key][0] / found["all"][key][1]):
+    counted = [key for key in PLANTED if found["all"][key][1]]
+    for key in sorted(counted, key=lambda key: found["all"][key][0] / found["all"][key][1]):
         cells = (_counted(found[machine], key) for machine in BACKGROUNDS)
         lines.append(f"| {PLANTED[key]} | {share(*found['all'][key])} | {' | '.join(cells)} |")
     return "\n".join(lines)

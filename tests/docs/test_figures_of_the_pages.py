@@ -30,13 +30,15 @@ def test_a_page_shows_what_its_records_hold(page: Path) -> None:
 
 
 def test_what_the_text_says_of_planted_causes_is_in_their_record() -> None:
-    last = json.loads((ROOT / "docs" / "figures" / "planted.json").read_text(encoding="utf-8"))["sealed"]
+    record = json.loads((ROOT / "docs" / "figures" / "planted.json").read_text(encoding="utf-8"))
+    last, before = record["sealed"], record["earlier"]["60 of 2026-11-30"]
+    assert last["all"]["kept"][1] == 0
     silent, of = last["all"]["silent"]
     by_energy = ["{} of {}".format(*last[f"E {energy}"]["named"]) for energy in (100, 300, 1000, 3000)]
     said = (
         f"from 100 to 3000: {', '.join(by_energy[:-1])} and {by_energy[-1]}.",
         f"New causes of 0.9 or more, in {of - silent} of {of}:",
-        "and {} of {} of the causes that were certain before".format(*last["ur10"]["kept"]),
+        "of the causes that were certain before, {} of {} were still".format(*before["ur10"]["kept"]),
         "what the residuals had along it in {} of {} named cases".format(*last["all"]["right sum"]),
     )
     text = (ROOT / "docs" / "blind.md").read_text(encoding="utf-8")
