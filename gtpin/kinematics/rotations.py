@@ -30,8 +30,6 @@ def frame_motions(T: Floats) -> Floats:
 
 def exp(vectors: Floats) -> Floats:
     """(..., 3, 3) rotation matrices of rotation vectors (..., 3), rad."""
-    if not vectors.size:  # SciPy 1.15 refuses it
-        return np.zeros((*vectors.shape, 3))
     return np.asarray(Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()).reshape(*vectors.shape, 3)
 
 
