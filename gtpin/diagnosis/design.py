@@ -60,6 +60,8 @@ class Observed:
             sigma=np.array([s if own is None else min(own, s) for own, s in sigmas]),
             estimated=np.array([own is None for own in measured.declared]),
         )
+        if not noise.estimated.any():
+            noise = replace(noise, source="declared", dof=np.inf)
         if measured.tracked:
             noise = _without_repeatability(noise, measured, baseline.model)
         return Observed(

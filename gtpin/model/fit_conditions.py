@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,6 +45,11 @@ class ModelDiscrepancy:
         """``least`` and ``most``; where they are not known, ``position``, or 0 if all of it can be noise."""
         least = self.position if self.noise_known else 0.0
         return least if self.least is None else self.least, self.position if self.most is None else self.most
+
+    def with_position(self, size: float) -> ModelDiscrepancy:
+        """The same, of a position at least a size, m per axis."""
+        least, most = self.interval
+        return replace(self, position=max(self.position, size), least=max(least, size), most=max(most, size))
 
 
 EXPLAINED = ModelDiscrepancy(0.0, 0.0)
