@@ -397,15 +397,12 @@ def weak(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis) -
 
 
 def size(hypotheses: HypothesisSet, model: Posterior[Term], cause: Hypothesis) -> float:
-    """Root mean square of the displacement by a cause over the poses of the search, m: of what is measured beyond what the
-    geometry absorbs; of the TCP where no positions are measured."""
-    design, at = hypotheses.design, hypotheses.design.operating_points
+    """Root mean square of the TCP's displacement by a cause over the poses of the search, m, without the share of its energy
+    that the geometry absorbs."""
+    groups, at = hypotheses.groups, hypotheses.design.operating_points
     start = sum(model.widths[: model.terms.index(cause)])
-    coefficients = model.mean[start : start + hypotheses.groups.width(cause)]
-    if design.measured.tracked:
-        left = hypotheses.groups.marginal.past(hypotheses.groups.columns(cause) @ coefficients)
-        moved = design.coloured(left.reshape(-1, design.components))[:, design.compared]
-    else:
-        basis = cause.basis(at)
-        moved = basis.displacement(at)[:, :3] @ (basis.sigma * coefficients)
-    return float(np.sqrt((moved**2).sum(axis=1).mean()))
+    coefficients = model.mean[start : start + groups.width(cause)]
+    whole, basis = groups.columns(cause) @ coefficients, cause.basis(at)
+    left = float(whole @ groups.marginal.past(whole)) / max(float(whole @ whole), 1e-300)
+    moved = basis.displacement(at)[:, :3] @ (basis.sigma * coefficients)
+    return float(np.sqrt((moved**2).sum(axis=1).mean() * left))

@@ -58,7 +58,7 @@ def test_what_the_text_says_of_machines_of_another_author_is_in_their_record() -
             **verdicts
         ),
         f"{silent[0]} of {silent[1]} machines without an effect",
-        f"Beside `unknown`, {found['beside unknown, false 0.5']} of {verdicts['unknown']} has a false cause",
+        f"Beside `unknown`, {found['beside unknown, false 0.5']} of {verdicts['unknown']} have a false cause",
     )
     text = (ROOT / "docs" / "blind.md").read_text(encoding="utf-8")
     assert [words for words in said if words not in text] == []
