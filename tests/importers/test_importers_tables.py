@@ -96,6 +96,22 @@ def test_a_header_with_the_names_in_another_order_is_refused(write: Write) -> No
         read_points(file, "ur5", NAMES[2:], "comma", "mm", commands=commands(["p1"]), match="pose")
 
 
+def test_a_header_in_which_two_columns_have_a_name_says_nothing_of_their_order(write: Write) -> None:
+    text = "Point,X,Y,Z,W,X,Y,Z\np1,0.0,0.0,0.0,1.0,1.0,2.0,3.0\n"
+    names = ["pose", "qx", "qy", "qz", "qw", "x", "y", "z"]
+    found = read_points(write("points.csv", text), "ur5", names, "comma", "mm", commands=commands(["p1"]), match="pose")
+    np.testing.assert_allclose(found.position, [[1e-3, 2e-3, 3e-3]])
+
+
+@pytest.mark.parametrize("blank", ["p2,,,", "p2,,"])
+def test_a_row_without_a_position_is_left_out_with_a_warning(write: Write, blank: str) -> None:
+    file = write("points.csv", f"p1,1.0,2.0,3.0\n{blank}\np3,4.0,5.0,6.0\n")
+    given: dict[str, Any] = {"commands": commands(["p1", "p2", "p3"]), "match": "pose"}
+    with pytest.warns(GtpinWarning, match="1 rows have no position .the first is row 2"):
+        found = read_points(file, "ur5", NAMES[2:], "comma", "mm", **given)
+    assert list(found.pose) == ["p1", "p3"]
+
+
 @pytest.mark.parametrize("own", [True, False])
 def test_degrees_that_are_read_as_rad_are_refused_when_the_list_is_read(write: Write, own: bool) -> None:
     given = Commands(np.array(["p1", "p2"], dtype=object), np.array([[90.0, -80, 100, 45, 60, 170]] * 2))

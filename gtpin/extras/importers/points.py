@@ -171,12 +171,13 @@ def read_named_columns(
     ``decimal_comma``: whether the decimal separator is a comma. ``needed``: names that must be there.
 
     Raises `DatasetError` if a name is missing or there twice, the names in the file are in another order, or a row has
-    another number of columns, or text where a number must be.
+    another number of columns, or text where a number must be. Warns of rows without a position, which are left out.
     """
     wanted = _wanted(names, separator, decimal_comma, needed)
     rows: list[int] = []
     ids: dict[str, list[str]] = {name: [] for name in wanted if name in IDS}
     cells: dict[str, list[float]] = {name: [] for name in wanted if name not in IDS}
+    lost: list[int] = []  # as an instrument writes them that does not see its target
     for row, line in enumerate(text_lines(file), 1):
         if row <= header or not line.strip() or line.lstrip().startswith(COMMENTS):
             continue
@@ -185,6 +186,13 @@ def read_named_columns(
         if not rows and all(math.isnan(number(word.replace(",", ".", 1))) for word in words):
             if words is texts:
                 _check_header(texts, wanted, file, row)
+            continue
+        if (
+            len(texts) > 1
+            and POSITION[0] in wanted
+            and not any("".join(texts[wanted[name] : wanted[name] + 1]) for name in POSITION)
+        ):
+            lost.append(row)
             continue
         if len(texts) != len(names):
             what = f"the row has {len(texts)} columns, and {len(names)} are named"
@@ -212,6 +220,8 @@ def read_named_columns(
         rows.append(row)
     if not rows:
         raise DatasetError("there are no rows", file=file, hint="check the number of header lines (--header)")
+    if lost:
+        warn(f"{file}: {len(lost):,} rows have no position (the first is row {lost[0]}): they are left out")
     values: dict[str, Column] = {name: np.array(v) for name, v in cells.items()}
     named = {name: np.array(v, dtype=object) for name, v in ids.items()}
     pose = named.pop("pose", None)
@@ -219,10 +229,11 @@ def read_named_columns(
 
 
 def _check_header(texts: list[str], wanted: Mapping[str, int], file: Path, row: int) -> None:
-    """Raise `DatasetError` where a column has the name of another wanted one."""
+    """Raise `DatasetError` where a column has the name of another wanted one, and no other column has it."""
+    header = [re.sub(r"[\s\[(].*", "", text.lower().strip("\"'")) for text in texts]
     for name, place in wanted.items():
-        own = re.sub(r"[\s\[(].*", "", texts[place].lower().strip("\"'"))
-        if own != name and own in wanted:
+        own = header[place]
+        if own != name and own in wanted and header.count(own) == 1:
             what = f"column {place + 1} is {own!r} here, and {name!r} in --columns"
             hint = "name the columns in their order, or pass over this line (--header N) if it is wrong"
             raise DatasetError(what, file=file, row=row, column=name, hint=hint)
