@@ -178,7 +178,7 @@ def _ambiguous(d: Diagnosis) -> tuple[list[str], list[str]]:
             what = "don't exclude the less probable members of a class"
         lacking = [f"These data {what}."]
     elif not lacking:
-        lacking = ["These data are too few to be certain: this cause, or another one, could leave the same errors."]
+        lacking = ["These data do not make this cause certain: another one could leave the same errors."]
     return cause_lines(d), [*_remedies(d, sure), *on_the_gap(d), *lacking]
 
 
