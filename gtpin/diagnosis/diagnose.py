@@ -385,11 +385,14 @@ def _as_left_out(baseline: Calibration, gap: Gap, source: Source) -> Calibration
 
     Its fit takes scatter between visits for noise, which can be an error that the causes explain.
     """
-    model, q = baseline.model, baseline.dataset.q[baseline.used(baseline.dataset)]
-    if model.unexplained is None or model.fit is None or source == "residuals":
+    model, of = baseline.model, gap.of_positions
+    if model.unexplained is None or of is None or source == "residuals":
         return baseline
-    moved = model.kinematics.command_jacobian(q, model.kinematics.forward(q))[:, :3] * model.fit.drives
-    power = gap.before**2 - gap.floor**2 - float((moved**2).sum(axis=(1, 2)).mean())
+    power = of.before**2 - of.floor**2
+    if model.fit is not None:
+        q = baseline.dataset.q[baseline.used(baseline.dataset)]
+        moved = model.kinematics.command_jacobian(q, model.kinematics.forward(q))[:, :3] * model.fit.drives
+        power -= float((moved**2).sum(axis=(1, 2)).mean())
     larger = model.unexplained.with_position(float(np.sqrt(max(power, 0.0) / 3.0)))
     return replace(baseline, model=replace(model, unexplained=larger))
 

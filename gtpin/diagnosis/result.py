@@ -454,6 +454,11 @@ class Gap:
     """The same by the noise that the search for causes assumed, m: it is estimated from residuals, where no cause is found."""
     shrinkage = renamed("shrinkage", "explained_fraction")
 
+    @property
+    def of_positions(self) -> Gap | InstrumentGap | None:
+        """The errors of positions at left-out poses, m; None where no tracker measured them."""
+        return next((one for one in self.by_instrument if one.kind == "tracker"), None) if self.by_instrument else self
+
 
 HoldOut = Literal["region", "session", "time", "random"]
 

@@ -11,7 +11,7 @@ from gtpin.calibration.result import Calibration
 from gtpin.compensation.compensate import NOT_THE_MACHINE
 from gtpin.compensation.machine import correctable, lacks
 from gtpin.diagnosis.priors import SURE
-from gtpin.diagnosis.result import Diagnosis, Gap, HealthCheck
+from gtpin.diagnosis.result import Diagnosis, HealthCheck
 from gtpin.errors import unheard
 from gtpin.model.dh import chain_of
 from gtpin.model.model import Model
@@ -60,7 +60,9 @@ def steps(d: Diagnosis) -> list[Step]:
     found += [Step(e.measure) for e in d.next_experiment if wanted & {*e.separates}][:1]
     if d.verdict == "explained":
         repair = "repair the cause or load the corrections, then measure as many poses again and diagnose them"
-        found.append(Step(f"Confirm: {repair} with the wanted commands, not the corrected ones. Only noise should be left."))
+        found.append(
+            Step(f"Confirm: {repair} with the wanted commands, not the corrected ones. Only noise should be left.")
+        )
     return found
 
 
@@ -107,9 +109,9 @@ def geometry_steps(model: Model, explained: bool, folder: str = "DIR", words: st
 def _geometry(d: Diagnosis) -> tuple[str, str, float]:
     """The folder of the geometry that is nearest to the machine where a program has the geometry alone, what to say of it,
     and its error at left-out poses, m: that of the model with the causes, or that which was calibrated without them."""
-    if not d.model.effects or (before := _position(d.gap, "before")) is None:
+    if not d.model.effects or (of := d.gap.of_positions) is None:
         return "DIR", "", np.inf
-    own = _left(d, ())
+    before, own = of.before, _left(d, ())
     folder, error = ("DIR/baseline", before) if before < NEARER * own else ("DIR", own)
     other = f", calibrated without the causes; that of DIR: {length(own)}"
     words = f" ({length(error)} at left-out poses{other if folder != 'DIR' else ', without the causes'})"
@@ -118,20 +120,12 @@ def _geometry(d: Diagnosis) -> tuple[str, str, float]:
 
 def _left(d: Diagnosis, held: Collection[str]) -> float:
     """The error at left-out poses, m, of the model's geometry with the effects ``held`` alone; 0 where it is not known."""
-    after = _position(d.gap, "after")
-    if after is None:
+    if (of := d.gap.of_positions) is None:
         return 0.0
     rows = d.dataset.take(~np.isin(d.dataset.row, d.set_aside_rows))
     names = [active.name for active in d.model.effects if active.name not in held]
     with unheard():
-        return float(np.hypot(after, lacks(d.model, names, rows.q, rows.covariates)))
-
-
-def _position(gap: Gap, part: str) -> float | None:
-    """The error ``before`` or ``after`` of the positions at left-out poses, m; None where none were measured."""
-    if not gap.by_instrument:
-        return float(getattr(gap, part))
-    return next((float(getattr(one, part)) for one in gap.by_instrument if one.kind == "tracker"), None)
+        return float(np.hypot(of.after, lacks(d.model, names, rows.q, rows.covariates)))
 
 
 def sure_corrections(d: Diagnosis) -> list[str]:
