@@ -29,6 +29,7 @@ from gtpin.diagnosis.earlier import Earlier
 from gtpin.errors import warn
 from gtpin.export.loss import not_oriented
 from gtpin.instruments.predicted import as_seen, instrument_of, predicted_readings
+from gtpin.kinematics.rotations import skew
 from gtpin.model.model import Model
 from gtpin.model.model_folder import read_model
 from gtpin.model.place import free_motions, without_place
@@ -84,18 +85,23 @@ def _table(model: Model, file: Path, instrument: str | None) -> tuple[dict[str, 
     if "session" in instrument_of(model, name).known and "session" in given.covariates:  # its stations
         ids["session"] = given.covariates["session"]
     poses = run_prediction(model, given)
-    words = _expected(model, given) if table.kind == "tracker" else ""
+    words = _expected(model, given, getattr(table, "target", None)) if table.kind == "tracker" else ""
     return {"pose": given.pose, **ids, **predicted_readings(model, poses, name, ids, given)}, words
 
 
-def _expected(model: Model, given: Commands) -> str:
+def _expected(model: Model, given: Commands, target: object = None) -> str:
     """The error to expect of predicted positions, where the uncertainty of the geometry is known: of what the data do not
-    determine, less where the machine stands as far as no instrument shows it, and of what the model does not explain."""
+    determine, less where the machine stands as far as no instrument shows it, and of what the model does not explain.
+
+    ``target``: where the target sits, m, TCP frame, if it was declared: its positions are predicted.
+    """
     if model.covariance is None:
         return ""
     earlier, plain = Earlier(model), model.kinematics.forward(given.q)
-    moved = earlier.jacobian(given.q, given.covariates, plain)[:, :3] @ earlier.root
-    power = (without_place(moved, plain.T, free_motions(model)) ** 2).sum(axis=(1, 2))
+    motion = earlier.jacobian(given.q, given.covariates, plain) @ earlier.root
+    lever = plain.R @ (np.array(target) if isinstance(target, tuple) else np.zeros(3))
+    moved = motion[:, :3] - skew(lever) @ motion[:, 3:6]
+    power = (without_place(moved, plain.T + lever, free_motions(model)) ** 2).sum(axis=(1, 2))
     left = 3.0 * unexplained_error(model, model.kinematics.command_jacobian(given.q, plain))[0] ** 2
     known = model.unexplained is None or model.unexplained.noise_known
     size, largest = (length(expected_rms(float(one), left, noise_known=known)) for one in (power.mean(), power.max()))

@@ -9,7 +9,9 @@ from dataclasses import replace
 import closures
 import numpy as np
 import pandas as pd
+import pinocchio as pin
 import pytest
+from by_pinocchio import placed
 from ran import refused
 from scipy.spatial.transform import Rotation
 from with_effects import active
@@ -181,3 +183,26 @@ def test_the_error_that_is_said_of_predicted_positions_is_that_of_new_poses(fram
     expected = float(re.search(r"expected error of ([\d.]+) \S+m RMS \(largest", said)[1])
     realised = 1e6 * np.sqrt(((found - seen(new)) ** 2).sum(axis=1).mean())
     assert 0.5 < expected / realised < 2.0
+
+
+def test_the_error_that_is_said_is_that_of_a_declared_target(run, tmp_path):
+    rng, robot, target = np.random.default_rng(3), gtpin.load_robot("ur5"), np.array([0.1, -0.15, 0.2])
+    true = robot.model.copy()
+    for joint in range(1, true.njoints):
+        true.jointPlacements[joint] = true.jointPlacements[joint] * pin.exp6(rng.normal(0.0, 3e-4, 6))
+    low, high = np.array([[-2.6, -2.2, -2.2, -2.5, -2.0, -2.8], [2.6, -0.4, 2.2, 2.5, 2.0, 2.8]])
+    q, new = rng.uniform(low, high, (80, 6)), rng.uniform(low, high, (200, 6))
+
+    def seen(q):
+        T, R = placed(true, q, robot.tcp_frame)
+        return T + R @ target
+
+    read = seen(q) + 5e-5 * rng.standard_normal((80, 3))
+    known = {"position_sigma": 5e-5, "target": tuple(target)}
+    measured = Dataset("ur5", [f"p{n}" for n in range(80)], q, read, None, {}, known)
+    gtpin.write_model(gtpin.calibrate(measured).model, tmp_path / "model")
+    Commands([f"n{n}" for n in range(200)], new, {}).write(tmp_path / "c.csv")
+    said = " ".join(run(*asked(tmp_path)).out.split())
+    found = pd.read_csv(tmp_path / "p.csv")[["x", "y", "z"]].to_numpy()
+    expected = 1e-6 * float(re.search(r"expected error of ([\d.]+) \S+m RMS \(largest", said)[1])
+    assert 0.6 < expected / np.sqrt(((found - seen(new)) ** 2).sum(axis=1).mean()) < 1.6
