@@ -118,8 +118,8 @@ def _gains(
 ) -> dict[Hypothesis, Gain]:
     """Gain of each hypothesis in the place of a cause: ``rest`` is the model without it.
 
-    A cause with several lines counts with all of them, and so do the other periodic errors at its site whose first line exceeds
-    its prior odds. If these have lines, all scales are estimated, as for them.
+    A cause with a period or another nonlinear value counts with its own, its scale and all its lines, and so do the other
+    periodic errors at its site whose first line exceeds its prior odds.
     """
     gains, others = hypotheses.gains(rest, hypotheses.named), dict[Hypothesis, Gain]()
     line = hypotheses.priors.line
@@ -131,7 +131,7 @@ def _gains(
             term = next(t for t in causes(larger) if t.place == hypothesis.place)
             value = larger.log_evidence - rest.log_evidence - line * len(term.further)
             others[hypothesis] = Gain(max(value, gain.value), term)
-    if cause.further or others:
+    if cause.values or others:
         gained = model.log_evidence - rest.log_evidence - line * len(cause.further)
         gains[cause.template] = Gain(max(gains[cause.template].value, gained), cause)
     return gains | others

@@ -40,6 +40,25 @@ def test_two_joints_that_give_way_lead_their_classes(seed: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
+@pytest.mark.parametrize(("waves", "size"), [(2.0, 1.2e-4), (1.0, 2e-4)])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_wave_of_a_whole_or_half_a_turn_leads_its_class(waves: float, size: float, seed: int) -> None:
+    """By Pinocchio alone: the range of the joint has less than two periods, and a smooth drive error looks like it."""
+    robot = gtpin.load_robot("ur10")
+    model, rng = pin.buildModelFromXML(robot.description.xml), np.random.default_rng([seed, 4])
+    for joint in range(1, model.njoints):
+        model.jointPlacements[joint] = model.jointPlacements[joint] * pin.exp6(rng.normal(0.0, 4e-4, 6))
+    q = rng.uniform([-2.6, -2.4, -2.2, -2.5, -2.4, -2.8], [2.6, -0.4, 2.2, 2.5, 2.4, 2.8], (POSES, 6))
+    given = q.copy()
+    given[:, 1] += size * np.sin(waves * q[:, 1] + rng.uniform(0.0, 6.0))
+    T = placed(model, given)[0] + NOISE * rng.standard_normal((POSES, 3))
+    dataset = gtpin.Dataset("ur10", [f"p{i}" for i in range(POSES)], q, T, instrument={"position_sigma": NOISE})
+    for cause in gtpin.diagnose(dataset).causes:
+        assert cause.probability == max(member.probability for member in cause.members)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::gtpin.errors.GtpinWarning")
 @pytest.mark.parametrize("seed", range(3))
 def test_backlash_is_named_beside_a_cause_of_several_names_and_something_unknown(seed: int) -> None:
     """By Pinocchio alone: a joint that gives way, which a link and a bearing explain as well, and a wrist that errs by the
