@@ -439,7 +439,7 @@ def correlated_residuals(context: Context) -> Conclusion | None:
     all smooth terms (Bonferroni). Study: of 200 machines without an effect (examples/independent), none is below the limit.
     """
     found, hypotheses = context.found, context.hypotheses
-    left = unexplained(hypotheses, found.model, False).correlates if found.verdict == "none" else ()
+    left = unexplained(hypotheses, found.model, False, scaled=True).correlates if found.verdict == "none" else ()
     best = min(left, key=lambda one: one.p_value, default=None)
     if best is None or best.p_value * len(hypotheses.smooth) > hypotheses.priors.chance:
         return None

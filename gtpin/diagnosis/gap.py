@@ -451,10 +451,13 @@ MOST_CORRELATES = 5
 """Most sites and coordinates that are reported."""
 
 
-def unexplained(hypotheses: HypothesisSet, model: Posterior[Term], unknown: bool) -> Unexplained:
+def unexplained(
+    hypotheses: HypothesisSet, model: Posterior[Term], unknown: bool, *, scaled: bool = False
+) -> Unexplained:
     """Chi-square of the residuals of a model, and the smooth terms that correlate with them.
 
-    ``model``: the named causes. ``unknown``: whether something unknown is assumed as well.
+    ``model``: the named causes. ``unknown``: whether something unknown is assumed as well. ``scaled``: p-values are of a noise
+    that is as large as what a smooth term leaves, where this is larger: too small a noise is no correlation.
     """
     groups, design = hypotheses.groups, hypotheses.design
     power = marginal_power(groups, model)
@@ -473,7 +476,8 @@ def unexplained(hypotheses: HypothesisSet, model: Posterior[Term], unknown: bool
         values, vectors = np.linalg.eigh(own)
         kept = values > 1e-6 * max(float(values.max()), 1e-300)
         statistic = float(((vectors.T @ seen)[kept] ** 2 / values[kept]).sum())
-        p_value = float(chi2.sf(statistic, kept.sum()))
+        left = max((power - statistic) / max(dof - kept.sum(), 1.0), 1.0) if scaled else 1.0
+        p_value = float(chi2.sf(statistic / left, kept.sum()))
         if p_value < hypotheses.priors.seen:
             most = most if correlates else gains[smooth].value
             odds = float(np.exp((gains[smooth].value - most) / hypotheses.priors.temperature_of(most)))

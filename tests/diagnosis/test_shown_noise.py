@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pinocchio_arm as arm
 import pytest
-from diagnosed import machine
+from diagnosed import machine, quietly
 from scipy.spatial.transform import Rotation
 
 import gtpin
@@ -176,3 +176,13 @@ def test_residuals_that_correlate_by_more_than_chance_are_not_none(size, verdict
 
     found = gtpin.diagnose(arm.measured(seed, tool=field, poses=160))
     assert (found.verdict, found.causes) == (verdict, ())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_sigmas_that_are_declared_a_third_too_small_are_no_correlation(seed):
+    data = arm.measured(seed, poses=160)
+    small = {key: 0.67 * getattr(data.instrument, key) for key in ("position_sigma", "orientation_sigma")}
+    found = quietly(gtpin.diagnose, replace(data, instrument=data.instrument.model_copy(update=small)))
+    assert found.causes == ()
+    assert "smooth_term" not in [doubt.reason for doubt in found.doubts]
