@@ -290,7 +290,7 @@ def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> Non
     rotation = Rotation.from_matrix(some.R)
     as_is, *other_axes = rotation_readings(rotation, turned=True)
     readings = [as_is, *misread(rotation), *other_axes]
-    vectors = log(np.stack([reading.R for reading in readings]) @ np.swapaxes(predicted.R, 1, 2))
+    vectors = log(np.stack([R for _, R in readings]) @ np.swapaxes(predicted.R, 1, 2))
     both = np.concatenate([np.broadcast_to(some.T - predicted.T, vectors.shape), vectors], axis=2)
     r = np.einsum("nij,knj->kni", problem.whitening, both, optimize=True).reshape(len(readings), -1) * weight
     # (k, 2) sums of squares of the position and orientation residuals that each of k readings leaves after the fit.
@@ -299,7 +299,9 @@ def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> Non
     least = min(others)
     if not (least < limits.CONVENTION_LEFT * now and least < now - limits.CONVENTION_GAIN):
         return
-    found = [reading for value, reading in zip(others, readings[1:], strict=True) if value <= limits.AS_GOOD * least]
+    found = [
+        reading for value, (reading, _) in zip(others, readings[1:], strict=True) if value <= limits.AS_GOOD * least
+    ]
     looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in found), strict=True))
     of_each = (sigmas * np.sqrt(sums / (3.0 * fit.weight[rows].sum()))).tolist()
     before, after = (tuple(of_each[i]) for i in (0, 1 + others.index(least)))

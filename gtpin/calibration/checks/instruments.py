@@ -158,8 +158,8 @@ def check_heights(
 def _error(dataset: Dataset, readings: Readings, index: int, other: OfTable, by: str) -> DatasetError:
     """The error of an instrument that must be read in another way. ``by``: what shows it."""
     what = f"{readings.instruments[index].name}: {other.looks} ({by})"
-    column = " ".join(other.columns) or f"instrument.{index}.{next(iter(other.said))}"
-    where = readings.rows.files[index] if other.columns else dataset.toml
+    column = " ".join(other.read) or f"instrument.{index}.{next(iter(other.said))}"
+    where = readings.rows.files[index] if other.read else dataset.toml
     return DatasetError(what, file=where, column=column, hint=other.hint)
 
 
@@ -216,7 +216,7 @@ def _read_otherwise(
     mine = rows.rows_of(index)
     for other in table_readings(rows, index, unit):
         columns, smaller, spread = dict(rows.columns), False, 0.0
-        for name, (of, factor) in other.columns.items():
+        for name, (of, factor) in other.read.items():
             column = np.array(rows.columns[name], dtype=float)
             before = float(np.std(column[mine]))
             column[mine] = factor * np.array(rows.columns[of][mine], dtype=float)

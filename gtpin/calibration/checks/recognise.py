@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from gtpin.calibration.checks import limits, readings
 from gtpin.calibration.checks.commands import CommandSearch
+from gtpin.calibration.checks.readings import Reading
 from gtpin.calibration.problem import Measured, rough_frame, without_target
 from gtpin.data.instrument_tables import Point
 from gtpin.data.names import ORIENTATION
@@ -26,17 +27,15 @@ _ELSEWHERE = ("the instrument looks to stand elsewhere than in the base frame", 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Interpretation(readings.Reading):
-    """A way to read the data, as they are or with mistakes corrected.
+class Interpretation(Reading):
+    """A way to read the data, compared with the nominal model.
 
-    - ``columns``: the columns that have the mistake.
     - ``measured``, ``poses``: the measured poses of the TCP, or of a free target, read in this way, and the TCP's poses that
       the nominal model predicts, base frame.
     - ``misfit``: median distance of the measured poses from the predicted ones, m.
     - ``elsewhere``: whether the instrument is assumed to stand elsewhere, though it is not declared free.
     """
 
-    columns: str
     measured: Measured
     poses: Poses
     misfit: float
@@ -144,11 +143,6 @@ class Search:
             return float(np.median(np.linalg.norm(self.all.T - np.median(self.all.T, axis=0), axis=1)))
         return _size(self.poses)
 
-    @cached_property
-    def _misread(self) -> list[readings.Rotations]:
-        """Rotations whose numbers were converted by another convention."""
-        return [] if self.rotation is None else list(readings.misread(self.rotation))
-
     @property
     def lost(self) -> bool:
         """Whether the model reaches too few of the commands to compare anything with it."""
@@ -223,24 +217,21 @@ class Search:
             yield from self._commands(readings.one_mistake(self.nominal.robot.revolute), turned)
 
     def _read(
-        self,
-        reading: tuple[str, str, str, int],
-        measured: Measured,
-        poses: Poses,
-        turned: bool,
-        misfit: float | None = None,
+        self, reading: Reading, measured: Measured, poses: Poses, turned: bool, misfit: float | None = None
     ) -> Interpretation:
-        """A reading (columns, looks, hint, mistakes) with its misfit, and with the mistake of another frame than declared."""
-        columns, looks, hint, mistakes = reading
-        misfit = self._misfit(measured, poses, turned) if misfit is None else misfit
+        """A reading with its misfit, and with the mistake of another frame than declared."""
+        looks, hint, mistakes, columns = astuple(reading)
         elsewhere = turned and not self.free
         if elsewhere:
             columns = columns if looks else "x y z"
             looks, hint = (f"{b}, and {a}" if a else b for a, b in zip((looks, hint), _ELSEWHERE, strict=True))
             mistakes += 1
-        misfit = misfit if looks else np.inf
+        if not looks:
+            misfit = np.inf
+        elif misfit is None:
+            misfit = self._misfit(measured, poses, turned)
         return Interpretation(
-            looks, hint, mistakes, columns=columns, measured=measured, poses=poses, misfit=misfit, elsewhere=elsewhere
+            looks, hint, mistakes, columns, measured=measured, poses=poses, misfit=misfit, elsewhere=elsewhere
         )
 
     def _measurements(self, turned: bool) -> Iterator[Interpretation]:
@@ -250,29 +241,30 @@ class Search:
         if self.lost:
             return
         near = min(self.misfit / limits.BETTER, self.accepted)
-        for p in readings.position_readings(turned=turned, alone=rotation is None):
-            T = self.measured.T @ p.matrix.T
+        misread = [] if rotation is None else [*readings.misread(rotation)]
+        for p, matrix in readings.position_readings(turned=turned, alone=rotation is None):
+            T = self.measured.T @ matrix.T
             seen = self._seen(poses, Measured(q, T, None), turned)
             if float(np.median(np.linalg.norm(T - seen.T, axis=1))) > near:
                 continue
-            columns = "x y z" if p.looks else "qw qx qy qz"
             if rotation is None:
-                yield self._read((columns, p.looks, p.hint, p.mistakes), Measured(q, T, None), poses, turned)
+                yield self._read(p, Measured(q, T, None), poses, turned)
                 continue
-            for o in (*readings.rotation_readings(rotation, p.axes, turned=turned), *self._misread):
-                if self.free_tool and o.of_target:  # other axes of the target are a free target
-                    continue
-                mount = nearest((np.swapaxes(seen.R, 1, 2) @ o.R).sum(axis=0)) if self.free_target else np.eye(3)
+            # Other axes of the target are a free target.
+            ways = readings.rotation_readings(rotation, np.sign(matrix), turned=turned, fixed_target=not self.free_tool)
+            for o, R in (*ways, *misread):
+                mount = nearest((np.swapaxes(seen.R, 1, 2) @ R).sum(axis=0)) if self.free_target else np.eye(3)
                 # Where positions determine the frame, orientations are compared in it.
-                if not self._line and self.size * _apart(o.R, seen.R @ mount) > near + limits.CLOSE * self.size:
+                if not self._line and self.size * _apart(R, seen.R @ mount) > near + limits.CLOSE * self.size:
                     continue
                 looks, hint = (", and ".join(filter(None, pair)) for pair in ((p.looks, o.looks), (p.hint, o.hint)))
-                read = columns, looks, hint, p.mistakes + o.mistakes
-                yield self._read(read, Measured(q, T, o.R), poses, turned)
+                both = Reading(looks, hint, p.mistakes + o.mistakes, p.columns or " ".join(ORIENTATION))
+                yield self._read(both, Measured(q, T, R), poses, turned)
         if rotation is not None:
             inverse = Measured(q, -rotation.inv().apply(self.measured.T), rotation.inv().as_matrix())
             what = "the poses look inverted (the instrument in the target's frame)"
-            yield self._read(("x y z qw qx qy qz", what, "give the inverse of each", 1), inverse, poses, turned)
+            read = Reading(what, "give the inverse of each", columns="x y z qw qx qy qz")
+            yield self._read(read, inverse, poses, turned)
 
     def _commands(self, ways: Iterable[readings.CommandReading], turned: bool) -> Iterator[Interpretation]:
         """Readings of the commands, with zeros of drives that are fitted to what was measured."""
@@ -285,7 +277,7 @@ class Search:
             q = self.all.q @ reading.matrix.T + z
             poses = self._of_target(kinematics.forward(q))
             there = poses.reached
-            read = reading.columns, *reading.words(z, kinematics.robot.revolute), reading.mistakes
+            read = reading.words(z, kinematics.robot.revolute)
             yield self._read(read, replace(self.all, q=q).take(there), poses[there], turned, misfit)
 
     def _targets(self, turned: bool) -> Iterator[Interpretation]:
@@ -299,23 +291,25 @@ class Search:
             if R is not None:
                 looks += f", turned by the rotation vector {_degrees(place.mount)} degrees"
             tcp = Measured(q, T - self.poses.R @ place.at @ place.turn.T, None if R is None else R @ place.mount.T)
-            yield self._read(("x y z", looks, 'set target = "free" under [instrument]', 1), tcp, self.poses, turned)
+            read = Reading(looks, 'set target = "free" under [instrument]', columns="x y z")
+            yield self._read(read, tcp, self.poses, turned)
             return
         seen = self._seen(self.poses, Measured(q, T, None), turned)
         aside = np.median(np.einsum("nji,nj->ni", seen.R, T - seen.T), axis=0)
         shifted = T - seen.R @ aside
         at = f"the target looks to sit at {_metres(self.at + aside)} m in the TCP's frame"
         if not turned:
-            read = "x y z", at, f"write this as target under [instrument]{_OF_TCP * (not self.declared)}", 1
+            hint = f"write this as target under [instrument]{_OF_TCP * (not self.declared)}"
+            read = Reading(at, hint, columns="x y z")
             yield self._read(read, Measured(q, shifted, R), self.poses, turned)
         if R is None:
             return
         turn = _middle(np.swapaxes(seen.R, 1, 2) @ R)
         way = f"the target looks turned by the rotation vector {_degrees(turn)} degrees in the TCP's frame"
-        read = "qw qx qy qz", way, "turn the URDF's tcp link so", 2
+        read = Reading(way, "turn the URDF's tcp link so", 2, "qw qx qy qz")
         yield self._read(read, Measured(q, T, R @ turn.T), self.poses, turned)
         if not turned:
-            read = "x y z qw qx qy qz", f"{at}, and {way}", "move and turn the URDF's tcp link", 3
+            read = Reading(f"{at}, and {way}", "move and turn the URDF's tcp link", 3, "x y z qw qx qy qz")
             yield self._read(read, Measured(q, shifted, R @ turn.T), self.poses, turned)
 
     def _of_target(self, poses: Poses) -> Poses:
