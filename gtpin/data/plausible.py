@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
 
@@ -254,19 +254,14 @@ def _check_units(dataset: Dataset, name: str, values: Floats) -> None:
 
 
 def check_extremes(dataset: Dataset) -> None:
-    """Check the numbers that dataset.toml gives, and that the commands differ.
+    """Check that positions have a unit, and that the commands differ.
 
-    Raises `DatasetError` for a sigma, a tolerance, a station or a reference temperature that can't be, for positions beyond
-    any unit, and where all commands are the same. Warns: of a reference temperature that could be in degrees Fahrenheit.
+    Raises `DatasetError` for positions beyond any unit, and where all commands are the same. Warns: of a reference temperature
+    that could be in degrees Fahrenheit.
     """
-    file = dataset.toml
-    for key, value, (least, most), hint in _bounded(dataset):
-        if not least <= value <= most:
-            hint = f"{hint}, from {least:g} to {most:g}"
-            raise DatasetError(f"{value:.6g} can't be", file=file, column=key, hint=hint)
     if 59.0 <= (reference := dataset.conditions.reference_temperature) <= 86.0:  # 15 to 30 degC
         text = f"reference_temperature is taken as {reference:g} degC; where it is in degrees Fahrenheit, convert it"
-        warn_of(file, text)
+        warn_of(dataset.toml, text)
     for name, size in zip(POSITION, np.median(np.abs(dataset.position), axis=0), strict=True):
         if size > 1e12:  # in nanometres, 1 km
             what, hint = f"half of the positions are {size:.2g} m away or farther", "give metres"
@@ -274,21 +269,3 @@ def check_extremes(dataset: Dataset) -> None:
     if len(dataset) > 1 and not np.ptp(dataset.q, axis=0).any():
         hint = "calibration needs poses all over the workspace"
         raise DatasetError("all poses have the same commands", file=dataset.place(0)[0], column="q1", hint=hint)
-
-
-def _bounded(dataset: Dataset) -> Iterator[tuple[str, float, tuple[float, float], str]]:
-    """Keys of dataset.toml, their values, the limits of these (assumed), and hints."""
-    for coordinate in dataset.instrument.station or ():
-        yield "instrument.station", coordinate, (-1e4, 1e4), "where the instrument stands, m"
-    hint = "the temperature at which the geometry holds, degC (subtract 273.15 from kelvin)"
-    yield "conditions.reference_temperature", dataset.conditions.reference_temperature, (-60.0, 150.0), hint
-    for kind, value in dataset.tolerance.items():
-        yield f"tolerance.{kind}", value, (1e-10, 10.0), "1 sigma in m, rad or m/m"
-    for i, table in enumerate(dataset.readings.tables):
-        for name, unit in (("sigma", "m or rad"), ("position_sigma", "m"), ("orientation_sigma", "rad")):
-            sigma = getattr(table, name, None)
-            if sigma is not None:
-                like = {"m": "micrometres", "rad": "microradians"}.get(unit, "micrometres or microradians")
-                looks = f" (it looks like {like})" if sigma > 1.0 else ""
-                key = f"instrument.{f'{i}.' * bool(table.name)}{name}"
-                yield key, sigma, (1e-10, 1.0), f"1 sigma per axis in {unit}{looks}"

@@ -14,7 +14,7 @@ from gtpin.calibration.checks import limits, readings
 from gtpin.calibration.checks.commands import CommandSearch
 from gtpin.calibration.checks.readings import Reading
 from gtpin.calibration.problem import Measured, rough_frame, without_target
-from gtpin.data.instrument_tables import Point
+from gtpin.data.description import Point
 from gtpin.data.names import ORIENTATION
 from gtpin.instruments.frame_and_target import frame_and_target, nearest
 from gtpin.kinematics.poses import Poses
