@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtpin.calibration.checks import limits
-from gtpin.calibration.checks.readings import UNITS, OfTable, table_readings
+from gtpin.calibration.checks.readings import UNITS, Reading, table_readings
 from gtpin.calibration.checks.recognise import Interpretation, recognised
 from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
 from gtpin.calibration.problem import Measured, with_unknowns
@@ -155,12 +155,11 @@ def check_heights(
                 break
 
 
-def _error(dataset: Dataset, readings: Readings, index: int, other: OfTable, by: str) -> DatasetError:
+def _error(dataset: Dataset, readings: Readings, index: int, other: Reading, by: str) -> DatasetError:
     """The error of an instrument that must be read in another way. ``by``: what shows it."""
     what = f"{readings.instruments[index].name}: {other.looks} ({by})"
-    column = " ".join(other.read) or f"instrument.{index}.{next(iter(other.said))}"
-    where = readings.rows.files[index] if other.read else dataset.toml
-    return DatasetError(what, file=where, column=column, hint=other.hint)
+    where = dataset.toml if other.columns.startswith("instrument.") else readings.rows.files[index]
+    return DatasetError(what, file=where, column=other.columns, hint=other.hint)
 
 
 @contextlib.contextmanager
@@ -207,33 +206,26 @@ def _size(misfit: Misfit | None) -> Size:
 
 def _read_otherwise(
     readings: Readings, poses: Poses, index: int, *, varied: bool = True
-) -> Iterator[tuple[Misfit, Readings, OfTable]]:
+) -> Iterator[tuple[Misfit, Readings, Reading]]:
     """The readings with an instrument that is read in other ways, each with its misfit, without those that are not accepted.
 
     ``varied``: whether numbers that get smaller must still vary by more than the nominal robot's errors.
     """
     rows, unit = readings.rows, readings.instruments[index].components[0].unit
     mine = rows.rows_of(index)
-    for other in table_readings(rows, index, unit):
-        columns, smaller, spread = dict(rows.columns), False, 0.0
-        for name, (of, factor) in other.read.items():
-            column = np.array(rows.columns[name], dtype=float)
-            before = float(np.std(column[mine]))
-            column[mine] = factor * np.array(rows.columns[of][mine], dtype=float)
-            columns[name] = column
-            if abs(factor) != 1.0:
-                after = float(np.std(column[mine]))
-                smaller, spread = smaller or after < 0.5 * before, max(spread, after)
-        table = rows.tables[index].model_copy(update=dict(other.said))
-        tables = (*rows.tables[:index], table, *rows.tables[index + 1 :])
+    for other, read in table_readings(rows, index, unit):
+        columns = [name for name in other.columns.split() if name in rows.columns]
+        before, after = (
+            max((float(np.std(r.columns[name][mine])) for name in columns), default=0.0) for r in (rows, read)
+        )
         try:
-            found = replace(readings, rows=replace(rows, tables=tables, columns=columns), u=np.zeros(0))
+            found = replace(readings, rows=read, u=np.zeros(0))
             found = found.at(np.zeros(len(found.unknowns)))
             found = with_unknowns(found.at(found.start(poses)), poses)
             misfit = Misfit.of(found, poses, index)
         except (DatasetError, np.linalg.LinAlgError):
             continue
-        if not (varied and smaller and misfit.off[unit] > limits.VARIATION * spread):
+        if not (varied and after < 0.5 * before and misfit.off[unit] > limits.VARIATION * after):
             yield misfit, found, other
 
 

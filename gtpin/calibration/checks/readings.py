@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain, combinations, permutations, product
 from typing import Any, Final, Literal
@@ -304,37 +304,38 @@ def _of_two(
 
 LENGTHS = {TrackerTable: ("x", "y", "z"), RangeTable: ("range",), PlaneTable: ("height",)}
 """Columns of lengths."""
-TILTS: tuple[tuple[str, tuple[str, str], tuple[float, float]], ...] = (
-    ("tilt_x has the other sign", ("tilt_x", "tilt_y"), (-1.0, 1.0)),
-    ("tilt_y has the other sign", ("tilt_x", "tilt_y"), (1.0, -1.0)),
-    ("tilts have the other sign", ("tilt_x", "tilt_y"), (-1.0, -1.0)),
-    ("tilt_x and tilt_y are swapped", ("tilt_y", "tilt_x"), (1.0, 1.0)),
-    ("the sensor is mounted a quarter turn about its z", ("tilt_y", "tilt_x"), (-1.0, 1.0)),
-    ("the sensor is mounted a quarter turn about its z", ("tilt_y", "tilt_x"), (1.0, -1.0)),
+TILTS = (
+    ("tilt_x has the other sign", ("tilt_x", -1.0), ("tilt_y", 1.0)),
+    ("tilt_y has the other sign", ("tilt_x", 1.0), ("tilt_y", -1.0)),
+    ("tilts have the other sign", ("tilt_x", -1.0), ("tilt_y", -1.0)),
+    ("tilt_x and tilt_y are swapped", ("tilt_y", 1.0), ("tilt_x", 1.0)),
+    ("the sensor is mounted a quarter turn about its z", ("tilt_y", -1.0), ("tilt_x", 1.0)),
+    ("the sensor is mounted a quarter turn about its z", ("tilt_y", 1.0), ("tilt_x", -1.0)),
 )
-"""Message text, the columns that are read as tilt_x and tilt_y, and their signs."""
+"""Message text, and what is read as tilt_x and as tilt_y: a column and its sign."""
 Columns = dict[str, tuple[str, float]]
 """By a column's name, the column that is read in its place, and the factor by which its numbers are multiplied."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class OfTable(Reading):
-    """Another way to read an instrument's table.
-
-    ``read``: columns that are read in another way; else the description is wrong. ``said``: other values of keys of the
-    description, the first of which is the wrong one.
-    """
-
-    read: Columns = field(default_factory=dict)
-    said: Mapping[str, Any] = field(default_factory=dict)
-
-
-def table_readings(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[OfTable]:
+def table_readings(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[tuple[Reading, InstrumentRows]]:
     """Other ways to read an instrument's table: lengths in other units (columns, places and target, alone and together), signs.
 
-    ``index``: of the instrument. ``unit_of_reading``: unit of the instrument's first component, ``m`` or ``rad``.
+    ``index``: of the instrument. ``unit_of_reading``: unit of the instrument's first component, ``m`` or ``rad``. Each comes
+    with the rows that are read so; its ``columns`` is the key of dataset.toml where only the description is another one.
     """
     table, mine = rows.tables[index], rows.rows_of(index)
+
+    def read(
+        looks: str, hint: str, own: Columns, said: Mapping[str, Any] | None = None
+    ) -> tuple[Reading, InstrumentRows]:
+        columns = dict(rows.columns)
+        for name, (of, factor) in own.items():
+            columns[name] = np.array(rows.columns[name], dtype=float)
+            columns[name][mine] = factor * np.array(rows.columns[of][mine], dtype=float)
+        tables = (*rows.tables[:index], table.model_copy(update=dict(said or {})), *rows.tables[index + 1 :])
+        where = " ".join(own) or f"instrument.{index}.{next(iter(said or {}))}"
+        return Reading(looks, hint, columns=where), replace(rows, tables=tables, columns=columns)
+
     lengths = [name for name in LENGTHS.get(type(table), ()) if name in rows.columns]
     present = [name for name in lengths if np.isfinite(rows.columns[name][mine]).all()]
     keys = {key: key for key in ("stations", "planes", "sockets") if getattr(table, key, None)}
@@ -349,35 +350,32 @@ def table_readings(rows: InstrumentRows, index: int, unit_of_reading: str) -> It
         for some in chain.from_iterable(combinations(parts, count) for count in range(1, len(parts) + 1)):
             names = tuple(part[0] for part in some)
             verb = "looks" if names in (("range",), ("height",), ("the target",)) else "look"
-            columns = {name: read for _, own, _ in some for name, read in own.items()}
-            said = {key: value for *_, own in some for key, value in own.items()}
-            looks = f"{' and '.join(names)} {verb} like {unit}"
-            yield OfTable(looks, f"multiply by {factor:g}", read=columns, said=said)
+            own = {name: way for _, columns, _ in some for name, way in columns.items()}
+            said = {key: value for *_, keys in some for key, value in keys.items()}
+            yield read(f"{' and '.join(names)} {verb} like {unit}", f"multiply by {factor:g}", own, said)
     if "height" in present:
         hint = "height is positive on the side that the normal points to: change its sign, or the normal's"
-        yield OfTable("heights are of the other side of the plane", hint, read=_scaled(["height"], -1.0))
+        yield read("heights are of the other side of the plane", hint, _scaled(["height"], -1.0))
         hint = "multiply by 1000, if millimetres were converted twice"
-        yield OfTable("heights look a thousand times too small", hint, read=_scaled(["height"], 1e3))
+        yield read("heights look a thousand times too small", hint, _scaled(["height"], 1e3))
     if isinstance(table, TiltTable):
         for unit, factor in (*DEGREES, ("mm/m", 1e-3)):
-            columns = _scaled(["tilt_x", "tilt_y"], factor)
-            yield OfTable(f"tilts look like {unit}", f"multiply by {factor:.6g}", read=columns)
+            yield read(f"tilts look like {unit}", f"multiply by {factor:.6g}", _scaled(["tilt_x", "tilt_y"], factor))
         whose = f"the frame of {table.link}" if table.link else "the TCP frame"
         hint = f"tilt_x and tilt_y are along x and y of {whose}, positive where these point up"
-        for looks, (x, y), (sign_x, sign_y) in TILTS:
-            yield OfTable(looks, hint, read={"tilt_x": (x, sign_x), "tilt_y": (y, sign_y)})
+        yield from (read(looks, hint, {"tilt_x": x, "tilt_y": y}) for looks, x, y in TILTS)
     if isinstance(table, EncoderTable):
         units = DEGREES if unit_of_reading == "rad" else UNITS
         for (sign, and_sign), (name, factor) in product(((1.0, ""), (-1.0, " of the other sign")), units):
-            looks, columns = f"readings look like {name}{and_sign}", _scaled(["reading"], sign * factor)
-            yield OfTable(looks, f"multiply by {sign * factor:.6g}", read=columns)
+            hint, own = f"multiply by {sign * factor:.6g}", _scaled(["reading"], sign * factor)
+            yield read(f"readings look like {name}{and_sign}", hint, own)
         hint = "readings grow with the joint's coordinate as the URDF has it: multiply by -1"
-        yield OfTable("readings have the other sign", hint, read=_scaled(["reading"], -1.0))
+        yield read("readings have the other sign", hint, _scaled(["reading"], -1.0))
         hint = "subtract the offset from the readings, or declare a larger zero_sigma"
-        yield OfTable("the zero is farther off than zero_sigma says", hint, said={"zero_sigma": 1e3})
+        yield read("the zero is farther off than zero_sigma says", hint, {}, {"zero_sigma": 1e3})
     if isinstance(table, TrackerTable) and "qw" in rows.columns:
-        read = {name: (of, 1.0) for name, of in zip(ORIENTATION, ("qz", "qw", "qx", "qy"), strict=True)}
-        yield OfTable("quaternions look like xyzw", "give qw qx qy qz, the real part first", read=read)
+        own = {name: (of, 1.0) for name, of in zip(ORIENTATION, ("qz", "qw", "qx", "qy"), strict=True)}
+        yield read("quaternions look like xyzw", "give qw qx qy qz, the real part first", own)
 
 
 def _scaled(names: Sequence[str], factor: float) -> Columns:
