@@ -13,6 +13,8 @@ Kind = Literal["id", "number", "any"]
 
 POSITION = ("x", "y", "z")
 ORIENTATION = ("qw", "qx", "qy", "qz")
+SIGMAS = ("sx", "sy", "sz", "srx", "sry", "srz")
+"""Columns of a tracker's own sigmas, per row."""
 IDS = ("pose", "session")
 
 _PLAIN = ("time", "session", "temp_frame", "temp_link", "payload")
