@@ -146,9 +146,8 @@ def calibrate(
     check_kind(dataset, Dataset)
     check_kind(robot, Chain, type(None))
     if orientations and model is not None and model not in MEASURED:
-        raise ModelError(
-            f"model {model} has no measured tracks to turn", hint="use 2, 4 or 5, or leave orientations out"
-        )
+        hint = "use 2, 4 or 5, or leave orientations out"
+        raise ModelError(f"model {model} has no measured tracks to turn", hint=hint)
     for option, given in (("fix", fix), ("bounds", bounds)):
         if not isinstance(given, Mapping | None):
             raise ModelError(f"{option}={given!r}", hint="give a dictionary by the names of parameters")
@@ -210,9 +209,8 @@ def calibrate(
             size = f"{found.assumed_turn:.2g} rad, which the residuals show, is used"
             warn(f"orientation_sigma is not declared: {size}, and orientation errors of this size count as noise")
     dataset = dataset if poses is None else replace(data, trusted=dataset.trusted)
-    return replace(
-        found, dataset=dataset, paper_model=model, warnings=dataset.all_warnings(texts), history=tuple(history)
-    )
+    told = dataset.all_warnings(texts)
+    return replace(found, dataset=dataset, paper_model=model, warnings=told, history=tuple(history))
 
 
 @in_one_thread
@@ -235,9 +233,8 @@ def _warn_of_unused(dataset: Dataset, nominal: Callable[..., Geometry]) -> None:
 
     if unused := [kind for kind in dataset.tolerance if not used(kind)]:
         kinds = ", ".join(kind for kind in TOLERANCE if used(kind))
-        warn_of(
-            dataset.toml, f"no parameter of this robot is of the kind {', '.join(unused)} ([tolerance]); it has {kinds}"
-        )
+        what = f"no parameter of this robot is of the kind {', '.join(unused)} ([tolerance])"
+        warn_of(dataset.toml, f"{what}; it has {kinds}")
 
 
 def _beyond(found: Calibration, bounds: Mapping[str, tuple[float, float]]) -> tuple[str, float] | None:

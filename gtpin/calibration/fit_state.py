@@ -86,9 +86,8 @@ def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bo
         """Unexplained error of a kind of numbers, and the ends of its 95 % interval."""
         if not some.any():
             return 0.0, 0.0, 0.0
-        of_kind = max(
-            some.sum() - _parameters_of(fit, measured.group_turns[measured.group] == turns[own][some][0]), 1.0
-        )
+        same = measured.group_turns[measured.group] == turns[own][some][0]
+        of_kind = max(some.sum() - _parameters_of(fit, same), 1.0)
         seen = float((means[some] ** 2).sum()) / of_kind
         random = float((noise[some] / visits[places[own]][some]).mean()) if known else 0.0
         sd = float(np.hypot(max(seen, random) * np.sqrt(2.0 / of_kind), random * np.sqrt(2.0 / dof)))

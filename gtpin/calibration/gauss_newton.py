@@ -180,9 +180,8 @@ def fit(
                 raise ConvergenceError("the fit has not converged by steps with a gradient by differences", hint=_HINT)
             least = max(decrease * max(cost, 1.0), left_out / 10.0 if exact_steps else 0.0)
             # A damped step is small at any place; the undamped one says whether more than rounding errors is left to gain.
-            if (np.abs(step).max() <= STEP or promised <= least) and (
-                damping == 0.0 or _gain(A, gradient) <= negligible
-            ):
+            small = np.abs(step).max() <= STEP or promised <= least
+            if small and (damping == 0.0 or _gain(A, gradient) <= negligible):
                 return Fit(problem, point, residual, weight, information, iteration)
             trial = problem.point(point.x + step, point.poses)
             if trial.poses.reached.all():

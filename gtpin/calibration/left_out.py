@@ -58,9 +58,8 @@ def of_poses(half: Floats, residual: Floats, poses: Indices) -> Floats:
     """
     errors, order = np.zeros_like(residual), np.argsort(poses, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(poses[order])) + 1):
-        errors[rows] = LeftOutBlock.of(half[rows].reshape(-1, half.shape[2]), residual[rows].ravel()).errors.reshape(
-            len(rows), -1
-        )
+        block = LeftOutBlock.of(half[rows].reshape(-1, half.shape[2]), residual[rows].ravel())
+        errors[rows] = block.errors.reshape(len(rows), -1)
     return errors
 
 

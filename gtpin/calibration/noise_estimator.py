@@ -46,9 +46,8 @@ class NoiseEstimator:
         noise = ReadingNoise(initial_sigma, group, measured.row_sigma, ~known).at_least(SMALLEST)
         station = measured.station
         if station is not None and np.linalg.norm(measured.poses[0] - station, axis=1).min() < 0.1:
-            raise DatasetError(
-                "the instrument's station lies among the measured poses", hint="correct station in dataset.toml"
-            )
+            what = "the instrument's station lies among the measured poses"
+            raise DatasetError(what, hint="correct station in dataset.toml")
         return noise if station is None else noise.towards(measured.poses[0], station)
 
     @cached_property
@@ -95,9 +94,8 @@ class NoiseEstimator:
             noise = replace(noise, estimated=noise.estimated | wrong)
             repeated = from_repeats(noise.take(rows), contrast, J)
         some, errors = self._residuals(outcome, used, residual)
-        repeated = within_residuals(repeated.at_rows_of(noise).take(some), errors, self.by_command[some]).at_rows_of(
-            noise
-        )
+        repeated = within_residuals(repeated.at_rows_of(noise).take(some), errors, self.by_command[some])
+        repeated = repeated.at_rows_of(noise)
         if not noise.estimated.any():
             return repeated
         found = self._from_residuals(noise, outcome, fitted, used)

@@ -140,9 +140,8 @@ class Problem:
 
     def residual_at(self, point: Point, poses: Poses) -> Floats:
         """(N, c) whitened measured less predicted, for given poses, base frame, instead of those of the point's geometry."""
-        return np.asarray(
-            np.clip(np.einsum("nij,nj->ni", self.whitening, self.raw_residual(point, poses)), -CLIPPED, CLIPPED)
-        )
+        whitened = np.einsum("nij,nj->ni", self.whitening, self.raw_residual(point, poses))
+        return np.asarray(np.clip(whitened, -CLIPPED, CLIPPED))
 
     def raw_residual(self, point: Point, poses: Poses) -> Floats:
         """(N, c) measured less predicted at ``poses`` (base frame), m and rad, with frame and unknowns at the point."""

@@ -66,9 +66,8 @@ class Commands:
             object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
-        return (
-            f"Commands: {len(self)} of {self.q.shape[1]} actuators; covariates: {', '.join(self.covariates) or 'none'}"
-        )
+        covariates = ", ".join(self.covariates) or "none"
+        return f"Commands: {len(self)} of {self.q.shape[1]} actuators; covariates: {covariates}"
 
     def __len__(self) -> int:
         return len(self.pose)

@@ -347,9 +347,8 @@ class Dataset(Shown):
     def _description(self, robot: str) -> Description:
         same = {name: getattr(self, name) for name in ("instrument", *DESCRIBED)}
         drivers = [asdict(driver) for driver in self.drivers]
-        return describe(
-            {"schema": SCHEMA, "robot": robot, "driver": drivers, **same, "tolerance": dict(self.tolerance)}
-        )
+        whole = {"schema": SCHEMA, "robot": robot, "driver": drivers, **same, "tolerance": dict(self.tolerance)}
+        return describe(whole)
 
     def _robot_seen_from(self, folder: Path) -> str:
         reference = self.robot_reference

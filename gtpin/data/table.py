@@ -62,10 +62,8 @@ def has_decimal_comma(text: str) -> bool:
 
 def _habit(text: str) -> str | None:
     """The hint for a number that is written as by another program; None for what is none."""
-    hints = (
-        h for wrong, right, h in _HABITS if wrong.search(text) and not math.isnan(number(wrong.sub(right, text, 1)))
-    )
-    return next(hints, None)
+    written = ((h, wrong.sub(right, text, 1)) for wrong, right, h in _HABITS if wrong.search(text))
+    return next((h for h, plain in written if not math.isnan(number(plain))), None)
 
 
 def bad_cell(file: Path, names: Sequence[str], cells: Sequence[str], column: int, row: int) -> DatasetError:
@@ -185,9 +183,8 @@ def _plain(name: str) -> str:
 def check_header(names: Sequence[str], file: Path) -> None:
     """Raise `DatasetError` for a line that is no header, or a header with a column that is unnamed or there twice."""
     if not any(math.isnan(number(name)) for name in names):
-        raise DatasetError(
-            "the first line holds numbers, not names", file=file, row=1, hint="put a header line above it"
-        )
+        hint = "put a header line above it"
+        raise DatasetError("the first line holds numbers, not names", file=file, row=1, hint=hint)
     seen: set[str] = set()
     for position, name in enumerate(names, 1):
         if not name.strip():

@@ -258,9 +258,8 @@ def _warn_of_deviations(settled: FitState) -> None:
         warn(f"{text}: {hint}; an effect that the geometry absorbs can be the reason too")
     if names := suspected.far_from_declared(readings.deviation, [one.name for one in readings.unknowns], "sigmas"):
         hint = "correct what it declares, or give larger prior sigmas"
-        warn(
-            f"unknowns more than {limits.FAR_FROM_PRIOR:g} prior sigmas from what dataset.toml declares: {names}: {hint}"
-        )
+        far = f"unknowns more than {limits.FAR_FROM_PRIOR:g} prior sigmas from what dataset.toml declares"
+        warn(f"{far}: {names}: {hint}")
 
 
 def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> None:

@@ -159,9 +159,8 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
     if outside.any():
         warn(f"set aside, outside the measured tracks: poses {', '.join(dataset.names_of(outside))}")
         if outside.all():
-            raise DatasetError(
-                "no pose lies within the measured tracks", file=dataset.file, hint="measure them farther"
-            )
+            hint = "measure them farther"
+            raise DatasetError("no pose lies within the measured tracks", file=dataset.file, hint=hint)
         poses.T[outside], poses.R[outside] = poses.T[~outside][0], poses.R[~outside][0]
     if geometry.positions_only:
         dataset = replace(dataset, orientation=None)
@@ -172,9 +171,8 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
         check_other_readings(dataset, nominal, poses, ~outside)
 
     def doubt(error: DatasetError, corrected: Dataset) -> None:
-        suspect(
-            error, dataset, *(left_after_fit(nominal, measured_poses(d), d.instrument) for d in (dataset, corrected))
-        )
+        left = (left_after_fit(nominal, measured_poses(d), d.instrument) for d in (dataset, corrected))
+        suspect(error, dataset, *left)
 
     try:
         check_commands(dataset, robot, doubt)
@@ -230,9 +228,8 @@ def check_moved(dataset: Dataset, geometry: Geometry, nominal: Geometry, near: P
         what = f"the fit moves {far}, farther than any machine of this kind is off: the data are not this robot's"
         hint = "check the robot's file and tcp, units and signs of q1 .. qn and of what was measured, where instruments stood"
         if far.startswith("platform."):
-            hint = (
-                'if the target does not sit at the TCP, set target = "free" under [instrument], or write where it sits'
-            )
+            target = 'if the target does not sit at the TCP, set target = "free" under [instrument]'
+            hint = f"{target}, or write where it sits"
         refuse(DatasetError(what, file=dataset.file, hint=hint), dataset)
 
 
@@ -315,10 +312,8 @@ def _part(T: Floats, poses: Poses, free: bool) -> tuple[Mask, str, float, float,
     least = max(limits.FEWEST_ROWS, int(np.ceil(0.1 * len(T))))
     if len(T) < 2 * least:
         return None
-    near = (
-        limits.ACCEPTED * float(np.median(np.linalg.norm(poses.T - np.median(poses.T, axis=0), axis=1)))
-        + limits.ALLOWED
-    )
+    size = float(np.median(np.linalg.norm(poses.T - np.median(poses.T, axis=0), axis=1)))
+    near = limits.ACCEPTED * size + limits.ALLOWED
     seen = _seen(T, poses, near) if free else poses.T
     off = _off(T, seen)
     fits = off[0] <= near

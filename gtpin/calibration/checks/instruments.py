@@ -14,10 +14,7 @@ from gtpin.calibration.checks.recognise import Interpretation, recognised
 from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
 from gtpin.calibration.problem import Measured, with_unknowns
 from gtpin.data import Dataset
-from gtpin.data.instrument_tables import (
-    PlaneTable,
-    TrackerTable,
-)
+from gtpin.data.instrument_tables import PlaneTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings, instruments_of
@@ -171,9 +168,8 @@ def explained(readings: Readings, poses: Poses) -> Iterator[None]:
         numbers, unknowns = len(readings.rows) * readings.components, len(readings.unknowns)
         if numbers <= unknowns:
             what = f"the fit does not converge: {numbers} readings for {unknowns} unknowns of the instruments alone"
-            raise DatasetError(
-                what, file=readings.rows.files[0], hint="measure more, or give smaller prior sigmas"
-            ) from None
+            hint = "measure more, or give smaller prior sigmas"
+            raise DatasetError(what, file=readings.rows.files[0], hint=hint) from None
         found = [Misfit.of(readings, poses, i) for i in range(len(readings.instruments))]
         worst = max(range(len(found)), key=lambda i: found[i].size)
         if found[worst].size < limits.READ_BETTER:
@@ -237,9 +233,8 @@ def check_sockets(dataset: Dataset, robot: Chain) -> None:
     Raises `DatasetError` if no socket is visited twice, and nothing is known of any.
     """
     rows = dataset.readings
-    for i, one in enumerate(instruments_of(rows, robot)):
-        if not isinstance(one, Socket):
-            continue
+    sockets = ((i, one) for i, one in enumerate(instruments_of(rows, robot)) if isinstance(one, Socket))
+    for i, one in sockets:
         counts = np.bincount(one.socket, minlength=len(one.names))
         known = {*one.table.sockets, *(name for distance in one.table.distances for name in distance[:2])}
         once = [name for k, name in enumerate(one.names) if counts[k] == 1 and name not in known]
@@ -290,9 +285,9 @@ def check_distances(dataset: Dataset, robot: Chain, poses: Poses, reach: float) 
             if missed.size and np.median(missed) > reach:  # something else is wrong than their distance
                 continue
             like = [(unit, factor) for unit, factor in UNITS if abs(given * factor - found) < min(reach, 0.2 * found)]
-            hint = (
-                f"it looks like {like[0][0]}: multiply by {like[0][1]:g}" if like else "check it, and the rows' sockets"
-            )
+            hint = "check it, and the rows' sockets"
+            if like:
+                hint = f"it looks like {like[0][0]}: multiply by {like[0][1]:g}"
             what = f"{one.name}: {a} and {b} are {given:.6g} m apart here, for the nominal robot {found:.3g} m"
             column = f"instrument.{i}.distances.{k}"
             refuse(DatasetError(what, file=dataset.toml, column=column, hint=hint), dataset)

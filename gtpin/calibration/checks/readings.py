@@ -136,9 +136,8 @@ def rotation_readings(
 def order_looks(parts: str) -> str:
     """What quaternions look like whose four columns have the content ``parts``, such as ``xyzw``, and not ``wxyz``."""
     part = next(part for part, there in zip("wxyz", parts, strict=True) if part != there)
-    return (
-        f"the measured orientation looks like {parts} quaternions, as if {part} were under q{'wxyz'[parts.index(part)]}"
-    )
+    under = "wxyz"[parts.index(part)]
+    return f"the measured orientation looks like {parts} quaternions, as if {part} were under q{under}"
 
 
 def misread(rotation: Rotation) -> Iterator[tuple[Reading, Floats]]:
@@ -292,10 +291,8 @@ def _of_two(
         matrix[pair[1], pair[0]] = coupling
         one, two = (names[j] for j in pair)
         total = f"{'-' * (signs[1] < 0)}{two} {'+' if coupling > 0 else '-'} {one}"
-        look = (
-            f"{two} looks counted from a fixed direction (as the horizontal) and not from the link before it: the joint"
-        )
-        looks.append(f"{look} turns by {total}")
+        look = f"{two} looks counted from a fixed direction (as the horizontal) and not from the link before it"
+        looks.append(f"{look}: the joint turns by {total}")
         hints = [*hints[: signs[0] < 0], f"write {total} under {two}"]
         if signs[0] < 0:
             hints[0], hints[-1] = f"{hints[-1]} ({one} as it is now)", hints[0]
