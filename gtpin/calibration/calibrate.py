@@ -313,8 +313,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tra
     variance, known = _variances(final, noise), noise.known
     unexplained = unexplained_by(settled.fit, residual, variance, known=known, dof=noise.dof)
     floor = _at_most(variance, residual, measured.group, settled.dof / problem.count)
-    out, some = left_out(final, np.unique(measured.q, axis=0, return_inverse=True)[1].ravel())
-    out = np.asarray(np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0], dtype=np.float64)
+    out, some = left_out(final)
     readings, k, seen = problem.readings(point.x), len(problem.unit), settled.observability
     unseen = seen.directions[:, seen.variance_reduction < UNSEEN]
     model = replace(point.model, covariance=covariance, unexplained=unexplained, doubt=settled.doubt)

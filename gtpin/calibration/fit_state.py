@@ -208,10 +208,8 @@ class FitState:
     @cached_property
     def _left_out(self) -> Floats:
         """(N, c) errors of the rows when their pose is left out of the fit, m and rad; NaN of those that are not left out."""
-        problem = self.fit.problem
-        whitened, some = left_out(self.fit, stops(problem.measured.q, np.zeros(len(problem.measured.q), dtype=np.intp)))
-        found = np.full((len(self.used), whitened.shape[1]), np.nan)
-        errors = np.linalg.solve(problem.whitening[some], whitened[some][..., None])[..., 0]
+        errors, some = left_out(self.fit)
+        found = np.full((len(self.used), errors.shape[1]), np.nan)
         found[np.flatnonzero(self.used)[some]] = errors
         return found
 

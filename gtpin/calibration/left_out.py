@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gtpin.calibration.gauss_newton import Fit
-from gtpin.typing import Floats, Indices
+from gtpin.typing import Floats, Indices, Mask
 
 LEAST_DETERMINED = 1e-6
 """Smallest ratio of a number's noise variance to the variance of its prediction from the other blocks. Below it, the other
@@ -20,17 +19,18 @@ MOST_LEFT_OUT = 2000
 """Largest number of poses that are left out: the root mean square of three components has a relative standard error of 1 %."""
 
 
-def left_out(fit: Fit[Any], poses: Indices) -> tuple[Floats, npt.NDArray[np.bool_]]:
-    """Residuals of linearised fits without the pose of the row, in units of the noise.
+def left_out(fit: Fit[Any]) -> tuple[Floats, Mask]:
+    """Errors of linearised fits without the pose of the row: without all rows of its commands.
 
     With r the residuals of the rows of one pose, J their derivative by the unknowns and C the covariance of these, the
     residuals of a fit without these rows are (I - J C J')^-1 r.
 
-    ``fit``: the fit to all N rows. ``poses``: (N,) index of each row's pose. All rows of a pose are left out together.
+    ``fit``: the fit to all N rows.
 
-    Returns (N, c) these residuals; zero where the other poses do not determine a number. (N,) mask of the rows for which
+    Returns (M, c) errors, m and rad; zero where the other poses do not determine a number. (N,) mask of the M rows for which
     they are computed: of more than 2,000 poses, so many are taken at equal steps.
     """
+    poses = np.unique(fit.problem.measured.q, axis=0, return_inverse=True)[1].ravel()
     count = int(poses.max()) + 1
     taken = np.zeros(count, dtype=bool)
     taken[np.linspace(0, count - 1, min(count, MOST_LEFT_OUT)).round().astype(int)] = True
@@ -47,7 +47,7 @@ def left_out(fit: Fit[Any], poses: Indices) -> tuple[Floats, npt.NDArray[np.bool
         half = jacobian @ fit.root
         errors[rows] = of_poses(half, fit.residual[rows] * weight[rows], poses[rows]) / weight[rows]
         start = stop
-    return errors, some
+    return np.asarray(np.linalg.solve(fit.problem.whitening[some], errors[some][..., None])[..., 0]), some
 
 
 def of_poses(half: Floats, residual: Floats, poses: Indices) -> Floats:
