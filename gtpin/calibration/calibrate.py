@@ -23,7 +23,6 @@ from gtpin.calibration.robust_fit import EXPECTED, Progress, RobustFit
 from gtpin.calibration.thinning import thinned
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
-from gtpin.data.plausible import check_actuators
 from gtpin.distributions import chi2
 from gtpin.effects.active import ActiveEffect
 from gtpin.errors import DatasetError, ModelError, check_kind, noted, unheard, warn
@@ -37,6 +36,7 @@ from gtpin.paper.geometry import Per, nominal_geometry
 from gtpin.paper.models import MEASURED, model_geometry
 from gtpin.read_only import gives_read_only
 from gtpin.robot.chain import Chain
+from gtpin.robot.command_ranges import check_actuators
 from gtpin.robot.geometry import Geometry, check_names
 from gtpin.robot.parameters import KINDS, TOLERANCE
 from gtpin.threads import in_one_thread

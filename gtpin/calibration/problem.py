@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
-from gtpin.data.plausible import check_actuators, sane_rows
+from gtpin.data.plausible import sane_rows
 from gtpin.errors import DatasetError
 from gtpin.instruments.frame_and_target import Placement, aligned, alignment, frame_and_target
 from gtpin.instruments.readings import VAGUE, Readings
@@ -20,6 +20,7 @@ from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses, chunks
 from gtpin.kinematics.rotations import exp, frame_motions, from_quaternions, left_jacobian
 from gtpin.model.model import Frame, Model
+from gtpin.robot.command_ranges import check_actuators
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 

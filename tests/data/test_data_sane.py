@@ -8,8 +8,7 @@ import pytest
 import gtpin
 from gtpin.bench.simulator import simulate
 from gtpin.data import Conditions, Dataset, InstrumentSection
-from gtpin.data.duplicates import POSITION_STEPS, coarsest_step, counted_once, with_rounding
-from gtpin.data.plausible import check_extremes, sane_rows
+from gtpin.data.plausible import POSITION_STEPS, check_extremes, coarsest_step, counted_once, sane_rows, with_rounding
 from gtpin.errors import DatasetError, GtpinError, GtpinWarning
 
 N = 60

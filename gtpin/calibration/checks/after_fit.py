@@ -22,9 +22,9 @@ from gtpin.calibration.observability import UNSEEN
 from gtpin.calibration.problem import Measured, Point, Problem
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data import Dataset
-from gtpin.data.duplicates import command_steps
 from gtpin.data.files import warn_of
 from gtpin.data.names import ORIENTATION
+from gtpin.data.plausible import command_steps
 from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings

@@ -26,11 +26,10 @@ from gtpin.calibration.problem import (
     with_free_target,
     with_target,
 )
-from gtpin.data import Dataset, InstrumentSection, check_commands, without_whole_turns
-from gtpin.data.duplicates import counted_once, with_rounding
+from gtpin.data import Dataset, InstrumentSection
 from gtpin.data.files import warn_of
 from gtpin.data.names import ORIENTATION
-from gtpin.data.plausible import check_actuators, check_extremes, named_poses, sane_rows
+from gtpin.data.plausible import check_extremes, counted_once, named_poses, sane_rows, with_rounding
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.frame_and_target import MEDIAN, nearest
 from gtpin.instruments.readings import Readings, single
@@ -41,6 +40,7 @@ from gtpin.model.model import Frame, Model
 from gtpin.noise import weights
 from gtpin.noise.noise import Noise
 from gtpin.robot.chain import Chain
+from gtpin.robot.command_ranges import check_actuators, check_commands, without_whole_turns
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats, Mask
 
