@@ -55,11 +55,6 @@ def is_missing(text: str) -> bool:
     return plain in _MISSING or plain.lstrip("+-") in _INFINITE
 
 
-def has_decimal_comma(text: str) -> bool:
-    """Whether a text is a number with a comma for the point."""
-    return "," in text and not math.isnan(number(text.replace(",", ".", 1)))
-
-
 def _habit(text: str) -> str | None:
     """The hint for a number that is written as by another program; None for what is none."""
     written = ((h, wrong.sub(right, text, 1)) for wrong, right, h in _HABITS if wrong.search(text))
