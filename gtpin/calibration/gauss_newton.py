@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from gtpin.calibration.problem import Point
+from gtpin.calibration.problem import Point, Problem
 from gtpin.errors import ConvergenceError
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import inverse_root
@@ -38,31 +38,7 @@ ROUNDING = 1e-6
 """Expected decrease, as a fraction of the cost, at which it has converged if no step lowers the cost: rounding errors."""
 
 
-class LeastSquares(Protocol):
-    """A problem that can be fitted: unknowns x with a Gaussian prior about zero, and residuals that depend on x."""
-
-    @property
-    def size(self) -> int:
-        """Length of x."""
-
-    @property
-    def prior(self) -> Floats:
-        """(size,) inverse of the prior variance of each unknown; 0 without a prior."""
-
-    def point(self, x: Floats, near: Poses | None = None) -> Point:
-        """The model at x and its poses, searched near others (base frame); NaN where a pose can't be reached."""
-
-    def residual(self, point: Point) -> Floats:
-        """(N, c) whitened measured less predicted."""
-
-    def jacobian(self, point: Point, rows: slice, weight: Floats | None = None) -> Floats:
-        """(M, c, size) derivative of the whitened prediction by x, for some rows, times the roots of their weights (M,)."""
-
-    def chunks(self) -> list[slice]:
-        """Slices of rows that fit in memory with their derivatives."""
-
-
-P = TypeVar("P", bound=LeastSquares)
+P = TypeVar("P", bound=Problem)
 
 
 @dataclass(frozen=True)
@@ -204,9 +180,7 @@ def fit(
     raise ConvergenceError(f"the fit has not converged in {MAX_ITERATIONS} steps", hint=_HINT)
 
 
-def _farther(
-    problem: LeastSquares, start: Point, best: Point, residual: Floats, weight: Floats
-) -> tuple[Point, Floats]:
+def _farther(problem: Problem, start: Point, best: Point, residual: Floats, weight: Floats) -> tuple[Point, Floats]:
     """The point with the lowest cost, and its residual, of those at 1, 2, 4, ... times the way from ``start`` to ``best``."""
     way, cost = best.x - start.x, _cost(problem, best.x, residual, weight)
     while True:
@@ -226,7 +200,7 @@ def _gain(A: Floats, gradient: Floats) -> float:
     return float(_step(A, gradient, 0.0) @ gradient) / 2.0
 
 
-def _by_differences(problem: LeastSquares, point: Point, weight: Floats, gradient: Floats, count: int) -> Floats:
+def _by_differences(problem: Problem, point: Point, weight: Floats, gradient: Floats, count: int) -> Floats:
     """The gradient (size,) with its first ``count`` components by central differences of the cost."""
     found = gradient.copy()
     for i in range(count):
@@ -249,7 +223,7 @@ _HINT = (
 )
 
 
-def _normal_equations(problem: LeastSquares, point: Point, residual: Floats, weight: Floats) -> tuple[Floats, Floats]:
+def _normal_equations(problem: Problem, point: Point, residual: Floats, weight: Floats) -> tuple[Floats, Floats]:
     """J'WJ (size, size) and J'Wr (size,) of the data alone, J the derivative of the whitened prediction by x."""
     information, gradient = np.zeros((problem.size, problem.size)), np.zeros(problem.size)
     for rows in problem.chunks():
@@ -259,7 +233,7 @@ def _normal_equations(problem: LeastSquares, point: Point, residual: Floats, wei
     return information, gradient
 
 
-def _cost(problem: LeastSquares, x: Floats, residual: Floats, weight: Floats) -> float:
+def _cost(problem: Problem, x: Floats, residual: Floats, weight: Floats) -> float:
     return float((weight[:, None] * residual**2).sum() + (problem.prior * x**2).sum()) / 2.0
 
 

@@ -100,14 +100,14 @@ class Problem:
     @property
     def size(self) -> int:
         """Length of x."""
-        return self._n_known + (6 if self.free_frame else 0)
+        return self._n_known + 6 * self.free_frame
 
     @property
     def prior(self) -> Floats:
         """(size,) weight of the square of each x in the cost: 1; nearly 0 for an unknown without a prior."""
         vague = (FRAME_UNIT / VAGUE) ** 2
         of_unknowns = np.where(np.isfinite(self.measured.sigma), 1.0, vague)
-        return np.concatenate([np.ones(self.n_geometry), of_unknowns, np.full(self.size - self._n_known, vague)])
+        return np.concatenate([np.ones(self.n_geometry), of_unknowns, np.full(6 * self.free_frame, vague)])
 
     @property
     def unit(self) -> Floats:
@@ -126,7 +126,7 @@ class Problem:
     def first(self) -> Floats:
         """(size,) x at nominal geometry and at the values of the unknowns that ``measured`` has."""
         of_unknowns = np.where(np.isfinite(self.measured.sigma), self.measured.u / self.unit, 0.0)
-        return np.concatenate([np.zeros(self.n_geometry), of_unknowns, np.zeros(self.size - self._n_known)])
+        return np.concatenate([np.zeros(self.n_geometry), of_unknowns, np.zeros(6 * self.free_frame)])
 
     def point(self, x: Floats, near: Poses | None = None) -> Point:
         """The model at x, and its poses, base frame; NaN where a pose can't be reached."""
