@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -58,40 +57,30 @@ def of_poses(half: Floats, residual: Floats, poses: Indices) -> Floats:
     """
     errors, order = np.zeros_like(residual), np.argsort(poses, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(poses[order])) + 1):
-        block = LeftOutBlock.of(half[rows].reshape(-1, half.shape[2]), residual[rows].ravel())
-        errors[rows] = block.errors.reshape(len(rows), -1)
+        block, _ = of_block(half[rows].reshape(-1, half.shape[2]), residual[rows].ravel())
+        errors[rows] = block.reshape(len(rows), -1)
     return errors
 
 
-@dataclass(frozen=True)
-class LeftOutBlock:
-    """Residuals of the r numbers of a block from a fit to all other numbers.
+def of_block(half: Floats, residual: Floats) -> tuple[Floats, Floats]:
+    """Residuals of the r numbers of a block from a fit to all other numbers, and the share of each that these determine.
 
-    ``errors``: (r,) (I - H)^-1 residual with H = half half', the block's leverage, and ``residual``, its residual from the
-    fit of all; without the directions that the other numbers do not determine. ``kept``: (r,) share of each number that the
-    others determine.
+    The residuals are (r,) (I - H)^-1 residual with H = half half', the block's leverage, without the directions that the other
+    numbers do not determine.
+
+    ``half``: (r, k) derivative of the block's numbers by what was fitted, times a root of its covariance. ``residual``: (r,)
+    residual of the fit of all.
     """
-
-    errors: Floats
-    kept: Floats
-
-    @staticmethod
-    def of(half: Floats, residual: Floats) -> LeftOutBlock:
-        """The block of some rows.
-
-        ``half``: (r, k) derivative of the block's numbers by what was fitted, times a root of its covariance. ``residual``:
-        (r,) residual of the fit of all.
-        """
-        if len(half) <= half.shape[1]:
-            w, V = np.linalg.eigh(np.eye(len(half)) - half @ half.T)
-            good = w > LEAST_DETERMINED
-            along = V[:, good].T @ residual
-            errors, lost = V[:, good] @ (along / w[good]), V[:, ~good]
-        else:
-            # The same by Woodbury's identity: a session has thousands of rows, and the fit a few hundred coefficients.
-            w, U = np.linalg.eigh(np.eye(half.shape[1]) - half.T @ half)
-            good = w > LEAST_DETERMINED
-            lost = half @ U[:, ~good] / np.sqrt(1.0 - w[~good])
-            seen = half @ U[:, good]
-            errors = residual - lost @ (lost.T @ residual) + seen @ ((seen.T @ residual) / w[good])
-        return LeftOutBlock(errors, 1.0 - (lost**2).sum(axis=1))
+    if len(half) <= half.shape[1]:
+        w, V = np.linalg.eigh(np.eye(len(half)) - half @ half.T)
+        good = w > LEAST_DETERMINED
+        along = V[:, good].T @ residual
+        errors, lost = V[:, good] @ (along / w[good]), V[:, ~good]
+    else:
+        # The same by Woodbury's identity: a session has thousands of rows, and the fit a few hundred coefficients.
+        w, U = np.linalg.eigh(np.eye(half.shape[1]) - half.T @ half)
+        good = w > LEAST_DETERMINED
+        lost = half @ U[:, ~good] / np.sqrt(1.0 - w[~good])
+        seen = half @ U[:, good]
+        errors = residual - lost @ (lost.T @ residual) + seen @ ((seen.T @ residual) / w[good])
+    return errors, 1.0 - (lost**2).sum(axis=1)

@@ -199,7 +199,3 @@ class CartMeasurements:
         if self.orientation is not None:
             table |= dict(zip(ORIENTATION, self.orientation.T, strict=True))
         return table | dict(self.covariates)
-
-    def write(self, file: Path) -> None:
-        """Write a CSV, or Parquet by the suffix, which `read` reads back bit-identically."""
-        write_table(file, self.columns)
