@@ -17,7 +17,7 @@ from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.kept_effects import with_kept_effects
 from gtpin.calibration.left_out import left_out
 from gtpin.calibration.observability import UNSEEN, remedies
-from gtpin.calibration.problem import Problem, nominal_residual
+from gtpin.calibration.problem import nominal_residual
 from gtpin.calibration.result import Calibration, InstrumentFit, Iteration
 from gtpin.calibration.robust_fit import EXPECTED, Progress, RobustFit
 from gtpin.calibration.thinning import thinned
@@ -355,7 +355,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tra
     )
 
 
-def _variances(fit: Fit[Problem], noise: ReadingNoise) -> Floats:
+def _variances(fit: Fit, noise: ReadingNoise) -> Floats:
     """(N, c) variance of the noise of each number of a fit's rows, m^2 and rad^2; ``noise``: that of these rows."""
     if noise.repeatability == 0.0 and noise.sight is None:
         return noise.each**2

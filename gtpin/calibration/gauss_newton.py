@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Generic, TypeVar
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
@@ -38,11 +37,8 @@ ROUNDING = 1e-6
 """Expected decrease, as a fraction of the cost, at which it has converged if no step lowers the cost: rounding errors."""
 
 
-P = TypeVar("P", bound=Problem)
-
-
 @dataclass(frozen=True)
-class Fit(Generic[P]):
+class Fit:
     """A converged fit.
 
     - ``problem``: the problem that was fitted.
@@ -53,7 +49,7 @@ class Fit(Generic[P]):
     - ``iterations``: number of steps.
     """
 
-    problem: P
+    problem: Problem
     point: Point
     residual: Floats
     weight: Floats
@@ -90,14 +86,14 @@ class Fit(Generic[P]):
 class FlatValleyError(ConvergenceError):
     """A fit that has not converged, and whose cost hardly falls any more; ``fit`` is its last iterate."""
 
-    def __init__(self, fit: Fit[Any]) -> None:
+    def __init__(self, fit: Fit) -> None:
         what = f"the fit has not converged in {MAX_ITERATIONS} steps, and its cost hardly falls any more"
         super().__init__(what, hint=_HINT)
         self.fit = fit
 
 
 def fit(
-    problem: P,
+    problem: Problem,
     weigh: Callable[[Floats], Floats],
     x: Floats | None = None,
     progress: Callable[[int, float], None] | None = None,
@@ -107,7 +103,7 @@ def fit(
     enough: int = MAX_ITERATIONS,
     left_out: float = 0.0,
     inexact: int = 0,
-) -> Fit[P]:
+) -> Fit:
     """Minimise half the weighted sum of squares of the whitened residuals, plus half the sum of prior x^2.
 
     - ``weigh``: weights (N,) of the poses from whitened residuals (N, c): iteratively reweighted least squares.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from gtpin.calibration.gauss_newton import Fit
@@ -18,7 +16,7 @@ MOST_LEFT_OUT = 2000
 """Largest number of poses that are left out: the root mean square of three components has a relative standard error of 1 %."""
 
 
-def left_out(fit: Fit[Any]) -> tuple[Floats, Mask]:
+def left_out(fit: Fit) -> tuple[Floats, Mask]:
     """Errors of linearised fits without the pose of the row: without all rows of its commands.
 
     With r the residuals of the rows of one pose, J their derivative by the unknowns and C the covariance of these, the

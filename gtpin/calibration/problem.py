@@ -22,7 +22,7 @@ from gtpin.kinematics.rotations import exp, frame_motions, from_quaternions, lef
 from gtpin.model.model import Frame, Model
 from gtpin.robot.command_ranges import check_actuators
 from gtpin.robot.geometry import Geometry
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Indices
 
 CLIPPED = 1e12
 """Largest whitened residual; larger ones are clipped, so that the square of a gross error is finite."""
@@ -171,7 +171,7 @@ class Problem:
         """Slices of rows that fit in memory with their derivatives."""
         return chunks(len(self.whitening))
 
-    def jacobian(self, point: Point, rows: slice, weight: Floats | None = None) -> Floats:
+    def jacobian(self, point: Point, rows: slice | Indices, weight: Floats | None = None) -> Floats:
         """(M, c, size) derivative of the whitened prediction by x, for some rows, times the roots of their weights (M,)."""
         model, poses = point.model, point.poses[rows]
         measured = self.readings(point.x).take(rows)
@@ -187,17 +187,17 @@ class Problem:
             parts.append(FRAME_UNIT * measured.by_motion(model.in_instrument_frame(poses)) @ motion)
         return self._whitened(np.concatenate(parts, axis=2) if len(parts) > 1 else parts[0], rows, weight)
 
-    def columns(self, point: Point, moved: Floats, rows: slice, weight: Floats | None = None) -> Floats:
+    def columns(self, point: Point, moved: Floats, rows: slice | Indices, weight: Floats | None = None) -> Floats:
         """(M, c, m) motions (M, 6 + j, m) of some rows' poses, base frame, and of measured joints, as whitened readings."""
         measured = self.readings(point.x).take(rows)
         return self._whitened(measured.change_by(moved, point.model, point.poses[rows]), rows, weight)
 
-    def by_command(self, point: Point, rows: slice | npt.NDArray[np.integer]) -> Floats:
+    def by_command(self, point: Point, rows: slice | Indices) -> Floats:
         """(M, c, n) derivative of the readings of some rows by the commands, m and rad."""
         model, poses, measured = point.model, point.poses[rows], self.readings(point.x).take(rows)
         return measured.change_by(model.kinematics.command_jacobian(measured.q, poses), model, poses)
 
-    def _whitened(self, seen: Floats, rows: slice, weight: Floats | None) -> Floats:
+    def _whitened(self, seen: Floats, rows: slice | Indices, weight: Floats | None) -> Floats:
         whitening = self.whitening[rows] if weight is None else self.whitening[rows] * np.sqrt(weight)[:, None, None]
         return np.asarray(whitening @ seen)
 

@@ -178,7 +178,7 @@ class RobustFit:
         entered = FitState(outcome, used, noise, tails, steps, given)
         return at, entered, nominal if at is self else outcome.point.x
 
-    def _cores(self, outcome: Fit[Problem], noise: ReadingNoise) -> Floats:
+    def _cores(self, outcome: Fit, noise: ReadingNoise) -> Floats:
         """(G,) sigmas by medians of a fit's residuals: larger ones, which tails enlarge, would hide the tails."""
         residual, sigma = self.whole.raw_residual(outcome.point, outcome.point.poses), noise.sigma.copy()
         shrunk = np.sqrt(max(1.0 - outcome.effective_parameters / self.whole.count, 1e-3))
@@ -188,7 +188,7 @@ class RobustFit:
                 sigma[group] = max(float(np.median(own)) / 0.6745 / shrunk, SMALLEST)
         return sigma
 
-    def _larger_maximum(self, outcome: Fit[Problem], noise: ReadingNoise, given: Geometry) -> Maximum:
+    def _larger_maximum(self, outcome: Fit, noise: ReadingNoise, given: Geometry) -> Maximum:
         """The noise, and the factor on the given tolerances, at the larger maximum of the marginal likelihood."""
         factor, own = self._factor(given), np.zeros(outcome.problem.size, dtype=bool)
         own[: len(given.parameters)] = self._widenable
@@ -229,7 +229,7 @@ class RobustFit:
         """Estimates the noise."""
         return NoiseEstimator(self.whole, self.near, self.visits, self.lacking)
 
-    def rough(self, noise: ReadingNoise | None = None, x: Floats | None = None) -> Fit[Problem]:
+    def rough(self, noise: ReadingNoise | None = None, x: Floats | None = None) -> Fit:
         """A fit of all rows that is good enough to detect gross errors, or readings that nothing explains.
 
         ``noise``: by default the first estimate. ``x``: start; by default nominal.
@@ -248,7 +248,7 @@ class RobustFit:
         noise_scale: float = 1.0,
         *,
         rough: bool = False,
-    ) -> Fit[Problem]:
+    ) -> Fit:
         """A fit of some rows, with weights as :meth:`_weights` has them. Without ``x`` it starts at the nominal geometry."""
 
         def report(iteration: int, rms: float) -> None:
@@ -264,7 +264,7 @@ class RobustFit:
         solve = partial(fit, decrease=1e-4, enough=15) if rough else fit
         return solve(problem, lambda r: self._weights(r, used, tails, noise_scale), x, report, near=near)
 
-    def _residual(self, outcome: Fit[Problem], fitted: Mask) -> tuple[Floats, Poses]:
+    def _residual(self, outcome: Fit, fitted: Mask) -> tuple[Floats, Poses]:
         """(N, c) residuals of a fit to some rows at all rows, and the model's poses, base frame."""
         point, poses = outcome.point, outcome.point.poses
         if not fitted.all():
@@ -298,7 +298,7 @@ class RobustFit:
         return tuple(weights.Tails.of(some[rows]) if len(rows) else weights.Tails() for rows in self._in_used(used))
 
     def _gross(
-        self, whitened: Floats, used: Mask, fitted: Mask, outcome: Fit[Problem], poses: Poses, noise: ReadingNoise
+        self, whitened: Floats, used: Mask, fitted: Mask, outcome: Fit, poses: Poses, noise: ReadingNoise
     ) -> Mask:
         """(N,) rows with a gross error in any number, or with a pose out of reach; a table's row is rejected as a whole.
 

@@ -26,7 +26,7 @@ from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
 from gtpin.model.model import Model, root_of
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.robot.chain import Chain
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Indices
 
 LAST_DECREASE = 0.1
 """Largest predicted decrease of the cost, nats, at which the fit may end although no step lowers the cost.
@@ -77,7 +77,7 @@ def fit_together(
     )
 
 
-def _unexplained(problem: JointProblem, found: Fit[JointProblem], noise: ReadingNoise) -> ModelDiscrepancy:
+def _unexplained(problem: JointProblem, found: Fit, noise: ReadingNoise) -> ModelDiscrepancy:
     """What geometry and causes leave unexplained between poses."""
     colour = np.linalg.inv(problem.whitening)
     errors = np.einsum("nij,nj->ni", colour, found.residual)
@@ -137,7 +137,7 @@ class JointProblem(Problem):
         """(N, c) whitened measured less predicted, with the effects in the closures."""
         return self.residual_at(point, self._displaced(point, slice(None)))
 
-    def jacobian(self, point: Point, rows: slice, weight: Floats | None = None) -> Floats:
+    def jacobian(self, point: Point, rows: slice | Indices, weight: Floats | None = None) -> Floats:
         """(M, c, size) derivative of the whitened prediction by x, for some rows.
 
         The derivative by the calibration's unknowns is taken at the poses with the effects, because a sensor whose mounting is
@@ -164,7 +164,7 @@ class JointProblem(Problem):
             place += len(size)
         return moved
 
-    def _displaced(self, point: Point, rows: slice) -> Poses:
+    def _displaced(self, point: Point, rows: slice | Indices) -> Poses:
         """The poses of an iterate, base frame, some rows of them with the effects."""
         some, poses = self.observed.take(rows), point.poses
         effects = self.active(point.x, np.zeros((self.size, self.size)))

@@ -19,7 +19,7 @@ from gtpin.calibration.checks.recognise import either
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.observability import UNSEEN
-from gtpin.calibration.problem import Measured, Point, Problem
+from gtpin.calibration.problem import Measured, Point
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
@@ -262,7 +262,7 @@ def _warn_of_deviations(settled: FitState) -> None:
         warn(f"{far}: {names}: {hint}")
 
 
-def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> None:
+def check_convention(dataset: Dataset, fit: Fit, sigmas: Floats) -> None:
     """Suspect orientations that fit far better when they are read by another convention of rotations.
 
     ``dataset``: the rows of the fit, used or not. ``sigmas`` (2,): the noise of the fit, m and rad.
