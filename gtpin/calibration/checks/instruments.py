@@ -15,12 +15,11 @@ from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
 from gtpin.calibration.problem import Measured, with_unknowns
 from gtpin.data import Dataset
 from gtpin.data.instrument_tables import PlaneTable, TrackerTable
-from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings, instruments_of
 from gtpin.instruments.socket import Socket
+from gtpin.instruments.tracker import Tracker
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import from_quaternions
 from gtpin.model.model import Model
 from gtpin.robot.chain import Chain
 
@@ -32,11 +31,11 @@ LOOK = "check the order of q1 .. qn, that rows have their own commands, units, a
 class Misfit:
     """Errors of an instrument's readings relative to the nominal robot, with the unknowns' values that fit best.
 
-    ``off``: largest median error of its components, by unit: m and rad. ``deviation``: largest deviation of an unknown with a
-    prior, in prior sigmas.
+    ``off``: largest median error of its components, m and rad. ``deviation``: largest deviation of an unknown with a prior, in
+    prior sigmas.
     """
 
-    off: dict[str, float]
+    off: Size
     deviation: float
 
     @staticmethod
@@ -45,7 +44,7 @@ class Misfit:
         one, rows = readings.instruments[index], readings.rows
         mine = rows.rows_of(index)
         residual = np.abs(readings.residual_at(poses)[mine])
-        off = {component.unit: 0.0 for component in one.components}
+        off = {"m": 0.0, "rad": 0.0}
         for k, component in enumerate(one.components):
             single = readings.components == 1 and len(one.components) > 1
             own = residual[rows.component[mine] == k, 0] if single else residual[:, k]
@@ -53,21 +52,20 @@ class Misfit:
                 size = float(np.median(own))
                 off[component.unit] = max(off[component.unit], size if np.isfinite(size) else np.inf)
         deviation = [abs(u) / o.sigma for u, o in zip(readings.own(index), one.unknowns, strict=True)]
-        return Misfit(off, max(deviation, default=0.0))
+        return Misfit((off["m"], off["rad"]), max(deviation, default=0.0))
 
     def exceeds(self, reach: float, share: float = 1.0) -> bool:
         """Whether errors are larger than a share of those of robots within their tolerances, which move the TCP by ``reach``,
         m, and turn it by 0.2 rad at most (assumed)."""
-        return self.off.get("m", 0.0) > share * reach or self.off.get("rad", 0.0) > share * 0.2
+        return self.off[0] > share * reach or self.off[1] > share * 0.2
 
     @property
     def size(self) -> float:
         """The largest of the errors, in the usual error of a nominal robot (1 mm, 1 mrad), and of ``deviation``."""
-        return max(*(off / 1e-3 for off in self.off.values()), self.deviation)
+        return max(max(self.off) / 1e-3, self.deviation)
 
     def __str__(self) -> str:
-        unit = max(self.off, key=lambda unit: self.off[unit])
-        return f"{1e3 * self.off[unit]:.3g} {'mm' if unit == 'm' else 'mrad'}"
+        return f"{1e3 * max(self.off):.3g} {'mm' if self.off[0] >= self.off[1] else 'mrad'}"
 
 
 def check_readable(
@@ -113,16 +111,12 @@ def check_readable(
 
 def _recognised(readings: Readings, nominal: Model, poses: Poses, index: int) -> Interpretation | None:
     """The usual mistake in commands or poses with which the readings of a tracker of a single target fit the nominal robot."""
-    rows, table = readings.rows, readings.rows.tables[index]
-    mine = rows.rows_of(index)
-    if not isinstance(table, TrackerTable) or table.stations or table.targets or (rows.component[mine] >= 0).any():
+    one, table, mine = readings.instruments[index], readings.rows.tables[index], readings.rows.rows_of(index)
+    if not isinstance(one, Tracker) or not isinstance(table, TrackerTable) or table.stations or table.targets:
         return None
-    T, quaternions = (
-        np.column_stack([rows.columns[name][mine] for name in names]) if names[0] in rows.columns else None
-        for names in (POSITION, ORIENTATION)
-    )
-    assert T is not None
-    measured = Measured(readings.q[mine], T, None if quaternions is None else from_quaternions(quaternions))
+    if (readings.rows.component[mine] >= 0).any():
+        return None
+    measured = Measured(readings.q[mine], one.positions, one.rotations)
     target = None if table.target == "tcp" else table.target
     return recognised(nominal, poses[mine], measured, free=table.frame == "free", target=target)
 
@@ -186,7 +180,7 @@ def check_fitted(dataset: Dataset, readings: Readings, poses: Poses, reach: floa
     """
     for i, one in enumerate(readings.instruments):
         now, was = Misfit.of(readings, poses, i), before[i]
-        worse = any(off > limits.READ_BETTER * was.off[unit] for unit, off in now.off.items())
+        worse = any(off > limits.READ_BETTER * before for off, before in zip(now.off, was.off, strict=True))
         if now.exceeds(limits.READ_LEFT * reach) or (worse and now.exceeds(reach, limits.READ_SUSPECT)):
             what = f"readings of {one.name} are {now} off what the calibrated robot gives"
             what += f", and {was} off what the nominal robot gives" if worse else ""
@@ -197,7 +191,7 @@ def _size(misfit: Misfit | None) -> Size:
     """Residuals after a fit; `NO_FIT` where it failed, or needs unknowns more than 30 sigmas from what is declared."""
     if misfit is None or misfit.deviation > 30.0:
         return NO_FIT
-    return misfit.off.get("m", 0.0), misfit.off.get("rad", 0.0)
+    return misfit.off
 
 
 def _read_otherwise(
@@ -221,7 +215,7 @@ def _read_otherwise(
             misfit = Misfit.of(found, poses, index)
         except (DatasetError, np.linalg.LinAlgError):
             continue
-        if not (varied and after < 0.5 * before and misfit.off[unit] > limits.VARIATION * after):
+        if not (varied and after < 0.5 * before and misfit.off[unit == "rad"] > limits.VARIATION * after):
             yield misfit, found, other
 
 
