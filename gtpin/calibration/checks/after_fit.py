@@ -14,8 +14,7 @@ from gtpin.calibration.checks.before_fit import check_moved, check_other_reading
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
 from gtpin.calibration.checks.payload import check_payload
 from gtpin.calibration.checks.prior_conflict import without_prior_conflict
-from gtpin.calibration.checks.readings import misread, rotation_readings
-from gtpin.calibration.checks.recognise import either
+from gtpin.calibration.checks.readings import either, misread, rotation_readings
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.observability import UNSEEN
@@ -298,10 +297,9 @@ def check_convention(dataset: Dataset, fit: Fit, sigmas: Floats) -> None:
     least = min(others)
     if not (least < limits.CONVENTION_LEFT * now and least < now - limits.CONVENTION_GAIN):
         return
-    found = [
-        reading for value, (reading, _) in zip(others, readings[1:], strict=True) if value <= limits.AS_GOOD * least
-    ]
-    looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in found), strict=True))
+    tried = zip(others, readings[1:], strict=True)
+    found = [reading for value, (reading, _) in tried if value <= limits.AS_GOOD * least]
+    looks, hints = either(found)
     of_each = (sigmas * np.sqrt(sums / (3.0 * fit.weight[rows].sum()))).tolist()
     before, after = (tuple(of_each[i]) for i in (0, 1 + others.index(least)))
     error = DatasetError(looks, file=dataset.file, column=" ".join(ORIENTATION), hint=hints)

@@ -57,6 +57,14 @@ class Reading:
     columns: str = ""
 
 
+def either(readings: Sequence[Reading]) -> tuple[str, str]:
+    """What the columns look like and the hints, where each of some readings is possible; of many the first ones are named."""
+    different = (list(dict.fromkeys(words)) for words in zip(*((r.looks, r.hint) for r in readings), strict=True))
+    # Of a delta, four are usual: three swaps and a frame.
+    looks, hint = ("; or ".join([*words[:4], *["something alike"] * (len(words) > 4)]) for words in different)
+    return looks, hint
+
+
 @cache
 def signed_permutations() -> tuple[Floats, ...]:
     """All 48 matrices that swap and reverse axes: first the identity, then its negative, then the reversals of one axis."""

@@ -87,17 +87,10 @@ def recognised(
     close = max(limits.AS_GOOD * best.misfit, min(search.fits, accepted, limits.MORE_MISTAKES * best.misfit))
     named = [reading for reading in chosen if reading.misfit <= close]
     named.sort(key=lambda reading: reading.misfit > limits.AS_GOOD * best.misfit)
-    looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in named), strict=True))
+    looks, hints = readings.either(named)
     if len({reading.looks for reading in named}) > 1:
         hints += "; the data fit equally well with each: find out which is true, for parameters and causes depend on it"
     return replace(named[0], looks=looks, hint=hints)
-
-
-def either(words: Iterable[str]) -> str:
-    """A list of possibilities as text; it says so where only the first ones are named."""
-    different = list(dict.fromkeys(words))
-    more = ["something alike"] * (len(different) > 4)  # of a delta, four are usual: three swaps and a frame
-    return "; or ".join(different[:4] + more)
 
 
 def expected_errors(nominal: Model, q: Floats, poses: Poses) -> tuple[float, float]:
