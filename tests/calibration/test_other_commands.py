@@ -24,9 +24,8 @@ EVERYWHERE = pytest.mark.parametrize(
 
 def named(data: gtpin.Dataset, *, failed: bool = False) -> Interpretation | None:
     nominal = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot(data.robot_reference)))
-    poses, known = nominal.kinematics.forward(data.q), data.instrument
-    free, target = known.frame == "free", "free" if known.target == "free" else None
-    return recognised(nominal, poses, measured_poses(data), free=free, target=target, failed=failed)
+    poses = nominal.kinematics.forward(data.q)
+    return recognised(nominal, poses, measured_poses(data), data.instrument, failed=failed)
 
 
 def shift(found: Interpretation | None, column: int) -> float:

@@ -6,7 +6,7 @@ This includes positions that are in another unit than metres in a part of the ro
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -200,8 +200,7 @@ def check_other_readings(
     fit of them has failed.
     """
     instrument, measured = dataset.instrument, measured_poses(dataset.take(rows))
-    target: Literal["free"] | None = "free" if instrument.target == "free" else None
-    looks = recognised(nominal, poses[rows], measured, free=instrument.frame == "free", target=target, failed=failed)
+    looks = recognised(nominal, poses[rows], measured, instrument, failed=failed)
     if looks is None:
         return
     error = DatasetError(looks.looks, file=dataset.file, column=looks.columns, hint=looks.hint)

@@ -117,8 +117,7 @@ def _recognised(readings: Readings, nominal: Model, poses: Poses, index: int) ->
     if (readings.rows.component[mine] >= 0).any():
         return None
     measured = Measured(readings.q[mine], one.positions, one.rotations)
-    target = None if table.target == "tcp" else table.target
-    return recognised(nominal, poses[mine], measured, free=table.frame == "free", target=target)
+    return recognised(nominal, poses[mine], measured, table)
 
 
 def check_heights(

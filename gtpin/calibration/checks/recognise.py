@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import astuple, dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,7 +13,8 @@ from gtpin.calibration.checks import limits, readings
 from gtpin.calibration.checks.commands import CommandSearch
 from gtpin.calibration.checks.readings import Reading
 from gtpin.calibration.problem import Measured, rough_frame, without_target
-from gtpin.data.description import Point
+from gtpin.data import InstrumentSection
+from gtpin.data.instrument_tables import TrackerTable
 from gtpin.data.names import ORIENTATION
 from gtpin.instruments.frame_and_target import frame_and_target, nearest
 from gtpin.kinematics.poses import Poses
@@ -46,9 +46,8 @@ def recognised(
     nominal: Model,
     poses: Poses,
     measured: Measured,
+    instrument: InstrumentSection | TrackerTable,
     *,
-    free: bool,
-    target: Literal["free"] | Point | None = None,
     failed: bool = False,
 ) -> Interpretation | None:
     """The usual mistake that makes data fit the nominal model; None where they fit without a correction, or no mistake fits.
@@ -59,12 +58,11 @@ def recognised(
     that are inverted or along other axes, Euler angles and rotation vectors; commands in another order, sign or unit, or
     shifted; an instrument at another place than the base frame's; a target at another place than the TCP.
 
-    ``poses``: (N) poses of the nominal model at the measured commands, base frame; NaN where it can't reach. ``free``: whether
-    the instrument's pose is declared unknown. ``target``: the declared place of the target, TCP frame, m; ``free``: unknown;
-    None: at the TCP.
+    ``poses``: (N) poses of the nominal model at the measured commands, base frame; NaN where it can't reach. ``instrument``:
+    what is declared of its frame and target.
     """
     some = np.linspace(0, len(poses) - 1, min(len(poses), 100)).astype(int)
-    search = Search(nominal, measured.take(some), poses[some], free, target, failed)
+    search = Search(nominal, measured.take(some), poses[some], instrument, failed)
     if search.size == 0.0 or (search.misfit <= search.accepted and not failed):
         return None
     # A wrong geometry, frame or target takes up some part of a mistake, and not nine tenths of it.
@@ -111,17 +109,17 @@ class Search:
         nominal: Model,
         measured: Measured,
         poses: Poses,
-        free: bool,
-        target: Literal["free"] | Point | None,
+        instrument: InstrumentSection | TrackerTable,
         failed: bool,
     ) -> None:
+        target = instrument.target
         self.free_tool = any(p.kind == "platform" for p in nominal.geometry.parameters)
-        self.free_target, self.declared = target == "free", target is not None
-        self.at = np.zeros(3) if target is None or target == "free" else np.array(target)
+        self.free_target, self.declared = target == "free", target not in (None, "tcp")
+        self.at = np.array(target) if isinstance(target, tuple) else np.zeros(3)
         if self.free_target:
             nominal = replace(nominal, geometry=without_target(nominal.geometry))
             poses = nominal.kinematics.forward(measured.q)
-        self.nominal, self.all, self.free, self.failed = nominal, measured, free, failed
+        self.nominal, self.all, self.free, self.failed = nominal, measured, instrument.frame == "free", failed
         there = poses.reached
         self.reached = float(there.mean())
         self.measured, self.poses = measured.take(there), self._of_target(poses[there])
