@@ -17,13 +17,12 @@ from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.kept_effects import with_kept_effects
 from gtpin.calibration.left_out import left_out
 from gtpin.calibration.observability import UNSEEN, remedies
-from gtpin.calibration.problem import Problem, nominal_residual
+from gtpin.calibration.problem import nominal_residual
 from gtpin.calibration.result import Calibration, InstrumentFit, Iteration
 from gtpin.calibration.robust_fit import EXPECTED, Progress, RobustFit
 from gtpin.calibration.thinning import thinned
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
-from gtpin.data.plausible import check_actuators
 from gtpin.distributions import chi2
 from gtpin.effects.active import ActiveEffect
 from gtpin.errors import DatasetError, ModelError, check_kind, noted, unheard, warn
@@ -37,6 +36,7 @@ from gtpin.paper.geometry import Per, nominal_geometry
 from gtpin.paper.models import MEASURED, model_geometry
 from gtpin.read_only import gives_read_only
 from gtpin.robot.chain import Chain
+from gtpin.robot.command_ranges import check_actuators
 from gtpin.robot.geometry import Geometry, check_names
 from gtpin.robot.parameters import KINDS, TOLERANCE
 from gtpin.threads import in_one_thread
@@ -146,9 +146,8 @@ def calibrate(
     check_kind(dataset, Dataset)
     check_kind(robot, Chain, type(None))
     if orientations and model is not None and model not in MEASURED:
-        raise ModelError(
-            f"model {model} has no measured tracks to turn", hint="use 2, 4 or 5, or leave orientations out"
-        )
+        hint = "use 2, 4 or 5, or leave orientations out"
+        raise ModelError(f"model {model} has no measured tracks to turn", hint=hint)
     for option, given in (("fix", fix), ("bounds", bounds)):
         if not isinstance(given, Mapping | None):
             raise ModelError(f"{option}={given!r}", hint="give a dictionary by the names of parameters")
@@ -210,9 +209,8 @@ def calibrate(
             size = f"{found.assumed_turn:.2g} rad, which the residuals show, is used"
             warn(f"orientation_sigma is not declared: {size}, and orientation errors of this size count as noise")
     dataset = dataset if poses is None else replace(data, trusted=dataset.trusted)
-    return replace(
-        found, dataset=dataset, paper_model=model, warnings=dataset.all_warnings(texts), history=tuple(history)
-    )
+    told = dataset.all_warnings(texts)
+    return replace(found, dataset=dataset, paper_model=model, warnings=told, history=tuple(history))
 
 
 @in_one_thread
@@ -235,9 +233,8 @@ def _warn_of_unused(dataset: Dataset, nominal: Callable[..., Geometry]) -> None:
 
     if unused := [kind for kind in dataset.tolerance if not used(kind)]:
         kinds = ", ".join(kind for kind in TOLERANCE if used(kind))
-        warn_of(
-            dataset.toml, f"no parameter of this robot is of the kind {', '.join(unused)} ([tolerance]); it has {kinds}"
-        )
+        what = f"no parameter of this robot is of the kind {', '.join(unused)} ([tolerance])"
+        warn_of(dataset.toml, f"{what}; it has {kinds}")
 
 
 def _beyond(found: Calibration, bounds: Mapping[str, tuple[float, float]]) -> tuple[str, float] | None:
@@ -316,8 +313,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tra
     variance, known = _variances(final, noise), noise.known
     unexplained = unexplained_by(settled.fit, residual, variance, known=known, dof=noise.dof)
     floor = _at_most(variance, residual, measured.group, settled.dof / problem.count)
-    out, some = left_out(final, np.unique(measured.q, axis=0, return_inverse=True)[1].ravel())
-    out = np.asarray(np.linalg.solve(problem.whitening[some], out[some][..., None])[..., 0], dtype=np.float64)
+    out, some = left_out(final)
     readings, k, seen = problem.readings(point.x), len(problem.unit), settled.observability
     unseen = seen.directions[:, seen.variance_reduction < UNSEEN]
     model = replace(point.model, covariance=covariance, unexplained=unexplained, doubt=settled.doubt)
@@ -359,7 +355,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tra
     )
 
 
-def _variances(fit: Fit[Problem], noise: ReadingNoise) -> Floats:
+def _variances(fit: Fit, noise: ReadingNoise) -> Floats:
     """(N, c) variance of the noise of each number of a fit's rows, m^2 and rad^2; ``noise``: that of these rows."""
     if noise.repeatability == 0.0 and noise.sight is None:
         return noise.each**2

@@ -7,14 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from gtpin.calibration.gauss_newton import Fit, fit
 from gtpin.calibration.left_out import MOST_LEFT_OUT, left_out
 from gtpin.calibration.observability import Observability, observability, with_priors
-from gtpin.calibration.problem import Problem
 from gtpin.distributions import chi2, f, interval_above_0, truncated
 from gtpin.instruments.readings import Readings
 from gtpin.model.fit_conditions import ModelDiscrepancy
@@ -57,7 +55,7 @@ def mean_power(whitened: Floats, places: Indices, weight: Floats) -> float:
     return float((sums[own] ** 2 / weights[own]).sum())
 
 
-def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bool, dof: float) -> ModelDiscrepancy:
+def unexplained_by(fit: Fit, errors: Floats, variance: Floats, *, known: bool, dof: float) -> ModelDiscrepancy:
     """What a fit leaves unexplained between poses: the scatter of the poses' mean residuals beyond that of the noise.
 
     A number of a pose counts once, with the mean of its visits, and the degrees of freedom are the count of these means less
@@ -86,9 +84,8 @@ def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bo
         """Unexplained error of a kind of numbers, and the ends of its 95 % interval."""
         if not some.any():
             return 0.0, 0.0, 0.0
-        of_kind = max(
-            some.sum() - _parameters_of(fit, measured.group_turns[measured.group] == turns[own][some][0]), 1.0
-        )
+        same = measured.group_turns[measured.group] == turns[own][some][0]
+        of_kind = max(some.sum() - _parameters_of(fit, same), 1.0)
         seen = float((means[some] ** 2).sum()) / of_kind
         random = float((noise[some] / visits[places[own]][some]).mean()) if known else 0.0
         sd = float(np.hypot(max(seen, random) * np.sqrt(2.0 / of_kind), random * np.sqrt(2.0 / dof)))
@@ -103,7 +100,7 @@ def unexplained_by(fit: Fit[Any], errors: Floats, variance: Floats, *, known: bo
     return ModelDiscrepancy(position, 0.0 if explained else size(turns[own])[0], known, least, most)
 
 
-def _parameters_of(fit: Fit[Any], some: Mask) -> float:
+def _parameters_of(fit: Fit, some: Mask) -> float:
     """The effective number of parameters that the numbers of a mask (N, c) take: the sum of their leverages, where there are
     others; of at most 2,000 rows, in proportion."""
     if some.all():
@@ -129,7 +126,7 @@ class FitState:
       otherwise not converge.
     """
 
-    fit: Fit[Problem]
+    fit: Fit
     used: Mask
     noise: ReadingNoise
     tails: tuple[weights.Tails, ...]
@@ -198,7 +195,7 @@ class FitState:
         return max(1.0, float(np.sqrt((means / free) / (whole / (free + inner)))))
 
     @cached_property
-    def final(self) -> Fit[Problem]:
+    def final(self) -> Fit:
         """The fit whose covariance includes the lack of fit: weights of heavy tails include the scale of these."""
         factor = self.sigma_scale if self.noise_scale > 1.0 or not self.heavy else self._repeating
         if factor <= 1.0:
@@ -209,10 +206,8 @@ class FitState:
     @cached_property
     def _left_out(self) -> Floats:
         """(N, c) errors of the rows when their pose is left out of the fit, m and rad; NaN of those that are not left out."""
-        problem = self.fit.problem
-        whitened, some = left_out(self.fit, stops(problem.measured.q, np.zeros(len(problem.measured.q), dtype=np.intp)))
-        found = np.full((len(self.used), whitened.shape[1]), np.nan)
-        errors = np.linalg.solve(problem.whitening[some], whitened[some][..., None])[..., 0]
+        errors, some = left_out(self.fit)
+        found = np.full((len(self.used), errors.shape[1]), np.nan)
         found[np.flatnonzero(self.used)[some]] = errors
         return found
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from gtpin.calibration.problem import Point
+from gtpin.calibration.problem import Point, Problem
 from gtpin.errors import ConvergenceError
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import inverse_root
@@ -38,35 +37,8 @@ ROUNDING = 1e-6
 """Expected decrease, as a fraction of the cost, at which it has converged if no step lowers the cost: rounding errors."""
 
 
-class LeastSquares(Protocol):
-    """A problem that can be fitted: unknowns x with a Gaussian prior about zero, and residuals that depend on x."""
-
-    @property
-    def size(self) -> int:
-        """Length of x."""
-
-    @property
-    def prior(self) -> Floats:
-        """(size,) inverse of the prior variance of each unknown; 0 without a prior."""
-
-    def point(self, x: Floats, near: Poses | None = None) -> Point:
-        """The model at x and its poses, searched near others (base frame); NaN where a pose can't be reached."""
-
-    def residual(self, point: Point) -> Floats:
-        """(N, c) whitened measured less predicted."""
-
-    def jacobian(self, point: Point, rows: slice, weight: Floats | None = None) -> Floats:
-        """(M, c, size) derivative of the whitened prediction by x, for some rows, times the roots of their weights (M,)."""
-
-    def chunks(self) -> list[slice]:
-        """Slices of rows that fit in memory with their derivatives."""
-
-
-P = TypeVar("P", bound=LeastSquares)
-
-
 @dataclass(frozen=True)
-class Fit(Generic[P]):
+class Fit:
     """A converged fit.
 
     - ``problem``: the problem that was fitted.
@@ -77,7 +49,7 @@ class Fit(Generic[P]):
     - ``iterations``: number of steps.
     """
 
-    problem: P
+    problem: Problem
     point: Point
     residual: Floats
     weight: Floats
@@ -114,14 +86,14 @@ class Fit(Generic[P]):
 class FlatValleyError(ConvergenceError):
     """A fit that has not converged, and whose cost hardly falls any more; ``fit`` is its last iterate."""
 
-    def __init__(self, fit: Fit[Any]) -> None:
+    def __init__(self, fit: Fit) -> None:
         what = f"the fit has not converged in {MAX_ITERATIONS} steps, and its cost hardly falls any more"
         super().__init__(what, hint=_HINT)
         self.fit = fit
 
 
 def fit(
-    problem: P,
+    problem: Problem,
     weigh: Callable[[Floats], Floats],
     x: Floats | None = None,
     progress: Callable[[int, float], None] | None = None,
@@ -131,7 +103,7 @@ def fit(
     enough: int = MAX_ITERATIONS,
     left_out: float = 0.0,
     inexact: int = 0,
-) -> Fit[P]:
+) -> Fit:
     """Minimise half the weighted sum of squares of the whitened residuals, plus half the sum of prior x^2.
 
     - ``weigh``: weights (N,) of the poses from whitened residuals (N, c): iteratively reweighted least squares.
@@ -180,9 +152,8 @@ def fit(
                 raise ConvergenceError("the fit has not converged by steps with a gradient by differences", hint=_HINT)
             least = max(decrease * max(cost, 1.0), left_out / 10.0 if exact_steps else 0.0)
             # A damped step is small at any place; the undamped one says whether more than rounding errors is left to gain.
-            if (np.abs(step).max() <= STEP or promised <= least) and (
-                damping == 0.0 or _gain(A, gradient) <= negligible
-            ):
+            small = np.abs(step).max() <= STEP or promised <= least
+            if small and (damping == 0.0 or _gain(A, gradient) <= negligible):
                 return Fit(problem, point, residual, weight, information, iteration)
             trial = problem.point(point.x + step, point.poses)
             if trial.poses.reached.all():
@@ -205,9 +176,7 @@ def fit(
     raise ConvergenceError(f"the fit has not converged in {MAX_ITERATIONS} steps", hint=_HINT)
 
 
-def _farther(
-    problem: LeastSquares, start: Point, best: Point, residual: Floats, weight: Floats
-) -> tuple[Point, Floats]:
+def _farther(problem: Problem, start: Point, best: Point, residual: Floats, weight: Floats) -> tuple[Point, Floats]:
     """The point with the lowest cost, and its residual, of those at 1, 2, 4, ... times the way from ``start`` to ``best``."""
     way, cost = best.x - start.x, _cost(problem, best.x, residual, weight)
     while True:
@@ -227,7 +196,7 @@ def _gain(A: Floats, gradient: Floats) -> float:
     return float(_step(A, gradient, 0.0) @ gradient) / 2.0
 
 
-def _by_differences(problem: LeastSquares, point: Point, weight: Floats, gradient: Floats, count: int) -> Floats:
+def _by_differences(problem: Problem, point: Point, weight: Floats, gradient: Floats, count: int) -> Floats:
     """The gradient (size,) with its first ``count`` components by central differences of the cost."""
     found = gradient.copy()
     for i in range(count):
@@ -250,7 +219,7 @@ _HINT = (
 )
 
 
-def _normal_equations(problem: LeastSquares, point: Point, residual: Floats, weight: Floats) -> tuple[Floats, Floats]:
+def _normal_equations(problem: Problem, point: Point, residual: Floats, weight: Floats) -> tuple[Floats, Floats]:
     """J'WJ (size, size) and J'Wr (size,) of the data alone, J the derivative of the whitened prediction by x."""
     information, gradient = np.zeros((problem.size, problem.size)), np.zeros(problem.size)
     for rows in problem.chunks():
@@ -260,7 +229,7 @@ def _normal_equations(problem: LeastSquares, point: Point, residual: Floats, wei
     return information, gradient
 
 
-def _cost(problem: LeastSquares, x: Floats, residual: Floats, weight: Floats) -> float:
+def _cost(problem: Problem, x: Floats, residual: Floats, weight: Floats) -> float:
     return float((weight[:, None] * residual**2).sum() + (problem.prior * x**2).sum()) / 2.0
 
 

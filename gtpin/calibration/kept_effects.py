@@ -54,9 +54,8 @@ def with_kept_effects(
         if _error(less, dataset) < _error(found, dataset):
             found = less
             cut = ", ".join(active.name for active, old in zip(cautious, kept, strict=True) if active is not old)
-            warn(
-                f"{cut} count as zero at angles that the earlier fit did not have, where they predict these poses worse"
-            )
+            where = "at angles that the earlier fit did not have, where they predict these poses worse"
+            warn(f"{cut} count as zero {where}")
     warn_of_extrapolation(found.model.effects, robot, dataset.q, dataset.covariates)
     return found
 

@@ -15,7 +15,6 @@ import numpy as np
 from scipy.linalg import cho_solve
 
 from gtpin.calibration.gauss_newton import Fit
-from gtpin.calibration.problem import Problem
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
 from gtpin.typing import Floats, Mask
 
@@ -54,7 +53,7 @@ class MarginalLikelihood:
     widened: Mask
 
     @staticmethod
-    def of(outcome: Fit[Problem], noise: ReadingNoise, weight: Floats, widened: Mask) -> MarginalLikelihood:
+    def of(outcome: Fit, noise: ReadingNoise, weight: Floats, widened: Mask) -> MarginalLikelihood:
         """Sum over a fit's rows, with weights (N,); ``noise`` is that of these rows."""
         problem, groups, k = outcome.problem, len(noise.sigma) + 1, outcome.problem.size
         c = outcome.residual.shape[1]

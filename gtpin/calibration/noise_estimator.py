@@ -46,9 +46,8 @@ class NoiseEstimator:
         noise = ReadingNoise(initial_sigma, group, measured.row_sigma, ~known).at_least(SMALLEST)
         station = measured.station
         if station is not None and np.linalg.norm(measured.poses[0] - station, axis=1).min() < 0.1:
-            raise DatasetError(
-                "the instrument's station lies among the measured poses", hint="correct station in dataset.toml"
-            )
+            what = "the instrument's station lies among the measured poses"
+            raise DatasetError(what, hint="correct station in dataset.toml")
         return noise if station is None else noise.towards(measured.poses[0], station)
 
     @cached_property
@@ -67,9 +66,7 @@ class NoiseEstimator:
             return self.by_command[rows]
         return np.broadcast_to(0.0, (len(self.near.T[rows]), self.whole.measured.components, 1))
 
-    def estimate(
-        self, noise: ReadingNoise, outcome: Fit[Problem], fitted: Mask, used: Mask, residual: Floats
-    ) -> ReadingNoise:
+    def estimate(self, noise: ReadingNoise, outcome: Fit, fitted: Mask, used: Mask, residual: Floats) -> ReadingNoise:
         """The noise, with its undeclared part estimated from repeated visits, or otherwise from the residuals.
 
         ``noise``, ``outcome``: the previous estimate, and the last fit. ``fitted``, ``used``: (N,) the rows of this fit,
@@ -95,9 +92,8 @@ class NoiseEstimator:
             noise = replace(noise, estimated=noise.estimated | wrong)
             repeated = from_repeats(noise.take(rows), contrast, J)
         some, errors = self._residuals(outcome, used, residual)
-        repeated = within_residuals(repeated.at_rows_of(noise).take(some), errors, self.by_command[some]).at_rows_of(
-            noise
-        )
+        repeated = within_residuals(repeated.at_rows_of(noise).take(some), errors, self.by_command[some])
+        repeated = repeated.at_rows_of(noise)
         if not noise.estimated.any():
             return repeated
         found = self._from_residuals(noise, outcome, fitted, used)
@@ -115,7 +111,7 @@ class NoiseEstimator:
             return found
         return replace(repeated, sigma=np.where(taken | ~noise.estimated, repeated.sigma, found.sigma))
 
-    def _from_residuals(self, noise: ReadingNoise, outcome: Fit[Problem], fitted: Mask, used: Mask) -> ReadingNoise:
+    def _from_residuals(self, noise: ReadingNoise, outcome: Fit, fitted: Mask, used: Mask) -> ReadingNoise:
         """Undeclared sigmas of largest marginal likelihood, about a fit, from where they are."""
         # Only rows that are still used count: a gross error would make the noise so large that the error is accepted in the
         # next iteration, and rejected in the one after that.
@@ -124,9 +120,7 @@ class NoiseEstimator:
         dof = outcome.residual.size / max(len(noise.sigma), 1.0)
         return replace(noise, sigma=best.noise.sigma, repeatability=0.0, source="residuals", dof=dof)
 
-    def _with_repeatability(
-        self, noise: ReadingNoise, outcome: Fit[Problem], used: Mask, residual: Floats
-    ) -> ReadingNoise:
+    def _with_repeatability(self, noise: ReadingNoise, outcome: Fit, used: Mask, residual: Floats) -> ReadingNoise:
         """The noise with the machine's repeatability, if the residuals show one; for data with few repeated visits."""
         # An instrument's noise does not depend on the drives' directions, so residuals along the motions of single drives
         # belong to the machine. They are repeatability only if they are independent from pose to pose: similar residuals of
@@ -139,7 +133,7 @@ class NoiseEstimator:
         return shown if self._independent(outcome.point, shown, used) else noise
 
     @staticmethod
-    def _residuals(outcome: Fit[Problem], used: Mask, residual: Floats) -> tuple[Indices, Floats]:
+    def _residuals(outcome: Fit, used: Mask, residual: Floats) -> tuple[Indices, Floats]:
         """Indices (M,) of ``ENOUGH`` used rows at most, and their residuals (M, c), enlarged for the fit's parameters."""
         rows = np.flatnonzero(used)[:: 1 + np.count_nonzero(used) // ENOUGH]
         size = np.count_nonzero(used) * residual.shape[1]

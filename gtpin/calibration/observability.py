@@ -11,7 +11,6 @@ from typing import Literal
 import numpy as np
 
 from gtpin.calibration.gauss_newton import Fit
-from gtpin.calibration.problem import Problem
 from gtpin.errors import renamed
 from gtpin.kinematics.poses import Poses
 from gtpin.kinematics.rotations import frame_motions, skew
@@ -92,7 +91,7 @@ def observability(factor: Floats, n_geometry: int, rows: int) -> Observability:
     return Observability((s**2 / (1.0 + s**2))[order], Vt.T[:, order], indices)
 
 
-def with_priors(fitted: Fit[Problem]) -> Floats:
+def with_priors(fitted: Fit) -> Floats:
     """Triangular factor of a fit's derivative, with a row for the prior of each unknown: it is information on this unknown."""
     priors = np.diag(fitted.problem.prior)[fitted.problem.n_geometry :]
     return np.vstack([fitted.factor, priors[priors.any(axis=1)]])
@@ -121,7 +120,7 @@ class Remedy:
     axis: str = ""
 
 
-def remedies(fitted: Fit[Problem], directions: Floats, up: Floats) -> tuple[Remedy | None, ...]:
+def remedies(fitted: Fit, directions: Floats, up: Floats) -> tuple[Remedy | None, ...]:
     """The simplest measurement that makes each direction observable; None where no candidate does.
 
     ``fitted``: the calibration's fit. ``directions``: (p, m) unit vectors in parameter space, in units of the tolerances.

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
-from gtpin.data.plausible import check_actuators, sane_rows
+from gtpin.data.plausible import sane_rows
 from gtpin.errors import DatasetError
 from gtpin.instruments.frame_and_target import Placement, aligned, alignment, frame_and_target
 from gtpin.instruments.readings import VAGUE, Readings
@@ -20,8 +20,9 @@ from gtpin.kinematics.kinematics import Kinematics
 from gtpin.kinematics.poses import Poses, chunks
 from gtpin.kinematics.rotations import exp, frame_motions, from_quaternions, left_jacobian
 from gtpin.model.model import Frame, Model
+from gtpin.robot.command_ranges import check_actuators
 from gtpin.robot.geometry import Geometry
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Indices
 
 CLIPPED = 1e12
 """Largest whitened residual; larger ones are clipped, so that the square of a gross error is finite."""
@@ -99,14 +100,14 @@ class Problem:
     @property
     def size(self) -> int:
         """Length of x."""
-        return self._n_known + (6 if self.free_frame else 0)
+        return self._n_known + 6 * self.free_frame
 
     @property
     def prior(self) -> Floats:
         """(size,) weight of the square of each x in the cost: 1; nearly 0 for an unknown without a prior."""
         vague = (FRAME_UNIT / VAGUE) ** 2
         of_unknowns = np.where(np.isfinite(self.measured.sigma), 1.0, vague)
-        return np.concatenate([np.ones(self.n_geometry), of_unknowns, np.full(self.size - self._n_known, vague)])
+        return np.concatenate([np.ones(self.n_geometry), of_unknowns, np.full(6 * self.free_frame, vague)])
 
     @property
     def unit(self) -> Floats:
@@ -125,7 +126,7 @@ class Problem:
     def first(self) -> Floats:
         """(size,) x at nominal geometry and at the values of the unknowns that ``measured`` has."""
         of_unknowns = np.where(np.isfinite(self.measured.sigma), self.measured.u / self.unit, 0.0)
-        return np.concatenate([np.zeros(self.n_geometry), of_unknowns, np.zeros(self.size - self._n_known)])
+        return np.concatenate([np.zeros(self.n_geometry), of_unknowns, np.zeros(6 * self.free_frame)])
 
     def point(self, x: Floats, near: Poses | None = None) -> Point:
         """The model at x, and its poses, base frame; NaN where a pose can't be reached."""
@@ -140,9 +141,8 @@ class Problem:
 
     def residual_at(self, point: Point, poses: Poses) -> Floats:
         """(N, c) whitened measured less predicted, for given poses, base frame, instead of those of the point's geometry."""
-        return np.asarray(
-            np.clip(np.einsum("nij,nj->ni", self.whitening, self.raw_residual(point, poses)), -CLIPPED, CLIPPED)
-        )
+        whitened = np.einsum("nij,nj->ni", self.whitening, self.raw_residual(point, poses))
+        return np.asarray(np.clip(whitened, -CLIPPED, CLIPPED))
 
     def raw_residual(self, point: Point, poses: Poses) -> Floats:
         """(N, c) measured less predicted at ``poses`` (base frame), m and rad, with frame and unknowns at the point."""
@@ -171,7 +171,7 @@ class Problem:
         """Slices of rows that fit in memory with their derivatives."""
         return chunks(len(self.whitening))
 
-    def jacobian(self, point: Point, rows: slice, weight: Floats | None = None) -> Floats:
+    def jacobian(self, point: Point, rows: slice | Indices, weight: Floats | None = None) -> Floats:
         """(M, c, size) derivative of the whitened prediction by x, for some rows, times the roots of their weights (M,)."""
         model, poses = point.model, point.poses[rows]
         measured = self.readings(point.x).take(rows)
@@ -187,17 +187,17 @@ class Problem:
             parts.append(FRAME_UNIT * measured.by_motion(model.in_instrument_frame(poses)) @ motion)
         return self._whitened(np.concatenate(parts, axis=2) if len(parts) > 1 else parts[0], rows, weight)
 
-    def columns(self, point: Point, moved: Floats, rows: slice, weight: Floats | None = None) -> Floats:
+    def columns(self, point: Point, moved: Floats, rows: slice | Indices, weight: Floats | None = None) -> Floats:
         """(M, c, m) motions (M, 6 + j, m) of some rows' poses, base frame, and of measured joints, as whitened readings."""
         measured = self.readings(point.x).take(rows)
         return self._whitened(measured.change_by(moved, point.model, point.poses[rows]), rows, weight)
 
-    def by_command(self, point: Point, rows: slice | npt.NDArray[np.integer]) -> Floats:
+    def by_command(self, point: Point, rows: slice | Indices) -> Floats:
         """(M, c, n) derivative of the readings of some rows by the commands, m and rad."""
         model, poses, measured = point.model, point.poses[rows], self.readings(point.x).take(rows)
         return measured.change_by(model.kinematics.command_jacobian(measured.q, poses), model, poses)
 
-    def _whitened(self, seen: Floats, rows: slice, weight: Floats | None) -> Floats:
+    def _whitened(self, seen: Floats, rows: slice | Indices, weight: Floats | None) -> Floats:
         whitening = self.whitening[rows] if weight is None else self.whitening[rows] * np.sqrt(weight)[:, None, None]
         return np.asarray(whitening @ seen)
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import qr, solve_triangular
 
 from gtpin.calibration.gauss_newton import Fit
-from gtpin.calibration.problem import FRAME_UNIT, Problem
+from gtpin.calibration.problem import FRAME_UNIT
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats
 
@@ -56,7 +56,7 @@ class Regressor:
         return pd.DataFrame(self.J, index=index, columns=list(self.columns))
 
 
-def regressor(fit: Fit[Problem], poses: Sequence[str]) -> Regressor:
+def regressor(fit: Fit, poses: Sequence[str]) -> Regressor:
     """The regressor of a fit. ``poses``: (N,) ids of its rows."""
     problem = fit.problem
     J = np.concatenate([problem.jacobian(fit.point, rows, fit.weight[rows]) for rows in problem.chunks()])

@@ -11,7 +11,6 @@ import numpy as np
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.noise_estimator import noise_at
 from gtpin.calibration.observability import Direction, Observability, Remedy, of_geometry, with_priors
-from gtpin.calibration.problem import Problem
 from gtpin.calibration.regressor import BaseParameter, Regressor, base_parameters, regressor
 from gtpin.data import Dataset, InstrumentSection
 from gtpin.errors import renamed
@@ -168,7 +167,7 @@ class Calibration(FitResult):
     instrument: InstrumentSection
     dataset: Dataset
     by_instrument: tuple[InstrumentFit, ...]
-    fit: Fit[Problem]
+    fit: Fit
     row_poses: tuple[str, ...]
     unknowns: tuple[Unknown, ...] = ()
     u: Floats = field(default_factory=lambda: np.zeros(0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -22,8 +22,6 @@ from gtpin.typing import Floats, Indices, Ints, Mask
 
 Progress = Callable[[str, int, float], None]
 Tails = tuple[weights.Tails, ...]
-Weigh = Callable[[Floats], Floats]
-"""Weights (N,) of rows from their whitened residuals (N, c)."""
 EXPECTED = "expected:"
 """Begins the step of a progress that tells the memory and the time to expect."""
 
@@ -131,15 +129,12 @@ class RobustFit:
             x, near = anew if number == 1 and anew is not None and not used.all() else (outcome.point.x, here)
             what = f"fit {number}"
             try:
-                outcome = self._fit(used, noise, _by_tails(tails, noise_scale), x, what, near, noise_scale)
+                outcome = self._fit(used, noise, tails, x, what, near, noise_scale)
             except ConvergenceError as error:
                 noise_scale = self._scale(noise.whitened(self.estimator.derivative(noise), residual)[used], used)
                 if noise_scale >= 1.5:
-                    weigh = _by_tails(tails, noise_scale)
-                    outcome = self._fit(used, noise, weigh, outcome.point.x, what, here, noise_scale)
-                elif isinstance(
-                    error, FlatValleyError
-                ):  # along what the data do not determine, and are then said not to
+                    outcome = self._fit(used, noise, tails, outcome.point.x, what, here, noise_scale)
+                elif isinstance(error, FlatValleyError):  # along what the data do not determine: they are said not to
                     outcome = error.fit
                 else:
                     raise
@@ -160,7 +155,7 @@ class RobustFit:
         steps = outcome.iterations
         if self._scale(outcome.residual, used) > 100.0:  # 1.5 mm for a tracker: it has failed
             for sigma in COARSE:
-                nominal = self._fit(used, noise.at_least(sigma), self._huber, nominal, "coarse fit", self.near).point.x
+                nominal = self._fit(used, noise.at_least(sigma), None, nominal, "coarse fit", self.near).point.x
             outcome = self.rough(noise, nominal)
             steps += outcome.iterations
         at, given = self, self.whole.start.geometry
@@ -183,7 +178,7 @@ class RobustFit:
         entered = FitState(outcome, used, noise, tails, steps, given)
         return at, entered, nominal if at is self else outcome.point.x
 
-    def _cores(self, outcome: Fit[Problem], noise: ReadingNoise) -> Floats:
+    def _cores(self, outcome: Fit, noise: ReadingNoise) -> Floats:
         """(G,) sigmas by medians of a fit's residuals: larger ones, which tails enlarge, would hide the tails."""
         residual, sigma = self.whole.raw_residual(outcome.point, outcome.point.poses), noise.sigma.copy()
         shrunk = np.sqrt(max(1.0 - outcome.effective_parameters / self.whole.count, 1e-3))
@@ -193,11 +188,11 @@ class RobustFit:
                 sigma[group] = max(float(np.median(own)) / 0.6745 / shrunk, SMALLEST)
         return sigma
 
-    def _larger_maximum(self, outcome: Fit[Problem], noise: ReadingNoise, given: Geometry) -> Maximum:
+    def _larger_maximum(self, outcome: Fit, noise: ReadingNoise, given: Geometry) -> Maximum:
         """The noise, and the factor on the given tolerances, at the larger maximum of the marginal likelihood."""
         factor, own = self._factor(given), np.zeros(outcome.problem.size, dtype=bool)
         own[: len(given.parameters)] = self._widenable
-        weight = self._weights(self._huber, outcome.residual, np.ones(len(self.rows), dtype=bool))
+        weight = self._weights(outcome.residual, np.ones(len(self.rows), dtype=bool))
         marginal = MarginalLikelihood.of(outcome, noise, weight, own)
         marginal = marginal.in_units(np.where(own, factor, 1.0))  # of the given tolerances
         starts = (np.maximum(noise.sigma, ROUGH), np.minimum(noise.sigma, self.estimator.first.sigma), marginal.scatter)
@@ -234,27 +229,27 @@ class RobustFit:
         """Estimates the noise."""
         return NoiseEstimator(self.whole, self.near, self.visits, self.lacking)
 
-    def rough(self, noise: ReadingNoise | None = None, x: Floats | None = None) -> Fit[Problem]:
+    def rough(self, noise: ReadingNoise | None = None, x: Floats | None = None) -> Fit:
         """A fit of all rows that is good enough to detect gross errors, or readings that nothing explains.
 
         ``noise``: by default the first estimate. ``x``: start; by default nominal.
         """
         used, noise = np.ones(len(self.rows), dtype=bool), noise or self.estimator.first
-        return self._fit(used, noise.at_least(ROUGH), self._huber, x, "rough fit", self.near, rough=True)
+        return self._fit(used, noise.at_least(ROUGH), None, x, "rough fit", self.near, rough=True)
 
     def _fit(
         self,
         used: Mask,
         noise: ReadingNoise,
-        weigh: Sequence[Weigh],
+        tails: Tails | None,
         x: Floats | None,
         what: str,
         near: Poses,
         noise_scale: float = 1.0,
         *,
         rough: bool = False,
-    ) -> Fit[Problem]:
-        """A fit of some rows; ``weigh``: the weights of each group of rows. Without ``x`` it starts at the nominal geometry."""
+    ) -> Fit:
+        """A fit of some rows, with weights as :meth:`_weights` has them. Without ``x`` it starts at the nominal geometry."""
 
         def report(iteration: int, rms: float) -> None:
             if self.progress is not None:
@@ -267,9 +262,9 @@ class RobustFit:
         x = problem.first if x is None else x
         # The weights of a rough fit may oscillate below a relative decrease of 1e-4, and reweighting can converge slowly.
         solve = partial(fit, decrease=1e-4, enough=15) if rough else fit
-        return solve(problem, lambda r: self._weights(weigh, r, used), x, report, near=near)
+        return solve(problem, lambda r: self._weights(r, used, tails, noise_scale), x, report, near=near)
 
-    def _residual(self, outcome: Fit[Problem], fitted: Mask) -> tuple[Floats, Poses]:
+    def _residual(self, outcome: Fit, fitted: Mask) -> tuple[Floats, Poses]:
         """(N, c) residuals of a fit to some rows at all rows, and the model's poses, base frame."""
         point, poses = outcome.point, outcome.point.poses
         if not fitted.all():
@@ -282,16 +277,15 @@ class RobustFit:
         place = np.cumsum(used) - 1
         return [place[rows[used[rows]]] for rows in self._alike]
 
-    @property
-    def _huber(self) -> list[Weigh]:
-        return [weights.huber] * len(self._alike)
-
-    def _weights(self, weigh: Sequence[Weigh], residual: Floats, used: Mask) -> Floats:
-        """(M,) weights of the used rows from their residuals (M, c), by the function of each group."""
-        weight = np.ones(len(residual))
-        for rows, own in zip(self._in_used(used), weigh, strict=True):
+    def _weights(self, residual: Floats, used: Mask, tails: Tails | None = None, noise_scale: float = 1.0) -> Floats:
+        """(M,) weights of the used rows from their residuals (M, c), in units of the noise times ``noise_scale``: by the tails
+        of each group's noise; None: by Huber's function."""
+        weight, groups = np.ones(len(residual)), self._in_used(used)
+        for rows, own in zip(groups, tails or [None] * len(groups), strict=True):
             if len(rows):
-                weight[rows] = own(residual[rows])
+                r = residual[rows]
+                # The information of the data is less than that of the weighted squares that fit them.
+                weight[rows] = weights.huber(r) if own is None else own.weigh(r * noise_scale) * own.kept(r.shape[1])
         return weight
 
     def _scale(self, residual: Floats, used: Mask) -> float:
@@ -304,7 +298,7 @@ class RobustFit:
         return tuple(weights.Tails.of(some[rows]) if len(rows) else weights.Tails() for rows in self._in_used(used))
 
     def _gross(
-        self, whitened: Floats, used: Mask, fitted: Mask, outcome: Fit[Problem], poses: Poses, noise: ReadingNoise
+        self, whitened: Floats, used: Mask, fitted: Mask, outcome: Fit, poses: Poses, noise: ReadingNoise
     ) -> Mask:
         """(N,) rows with a gross error in any number, or with a pose out of reach; a table's row is rejected as a whole.
 
@@ -323,9 +317,8 @@ class RobustFit:
             far = rows[(weights.square_norms(whitened[rows]) > limit) & finite[rows]]
             found[far] = True
             if 0 < len(far) <= weights.FEW * len(rows):  # more of them are no accident of single poses
-                problem = self.whole.take(
-                    far, noise.take(far).whitening(self.estimator.derivative(noise, far), whitened.shape[1])
-                )
+                whitening = noise.take(far).whitening(self.estimator.derivative(noise, far), whitened.shape[1])
+                problem = self.whole.take(far, whitening)
                 B = problem.jacobian(replace(outcome.point, poses=poses[far]), slice(None))
                 H = np.einsum("nci,ij,ndj->ncd", B, outcome.covariance, B, optimize=True)
                 H /= np.maximum(np.trace(H, axis1=1, axis2=2) / H.shape[1], 1.0)[:, None, None]
@@ -333,13 +326,3 @@ class RobustFit:
                 norms = np.einsum("nc,nc->n", whitened[far], np.linalg.solve(spread, whitened[far][..., None])[..., 0])
                 found[far] = ~(norms <= limit)  # also where the square of a gross error overflows
         return np.isin(self.rows, self.rows[found])
-
-
-def _by_tails(tails: Tails, noise_scale: float) -> list[Weigh]:
-    """The weights of each group by the tails of its noise, for residuals in units of the noise times ``noise_scale``."""
-
-    def weigh(of: weights.Tails, residual: Floats) -> Floats:
-        # The information of the data is less than that of the weighted squares that fit them.
-        return of.weigh(residual * noise_scale) * of.kept(residual.shape[1])
-
-    return [partial(weigh, of) for of in tails]

@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from gtpin.calibration.calibrate import calibrate_geometry, without_sigmas
 from gtpin.data import Dataset, random
-from gtpin.data.duplicates import counted_once
 from gtpin.data.instrument_rows import POSES
 from gtpin.data.names import ORIENTATION, POSITION
+from gtpin.data.plausible import counted_once
 from gtpin.errors import DatasetError, ModelError, UnreachableError, check_kind, noted, unheard, warn
 from gtpin.instruments.predicted import predicted_readings
 from gtpin.kinematics.poses import Poses

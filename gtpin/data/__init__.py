@@ -3,7 +3,6 @@
 from gtpin.data.commands import CartMeasurements, Commands
 from gtpin.data.dataset import Dataset
 from gtpin.data.description import SCHEMA, Conditions, Description, Driver, InstrumentSection
-from gtpin.data.plausible import check_commands, without_whole_turns
 from gtpin.data.split import by_region, by_session, random
 from gtpin.errors import renamed_names
 
@@ -18,9 +17,7 @@ __all__ = [
     "InstrumentSection",
     "by_region",
     "by_session",
-    "check_commands",
     "random",
-    "without_whole_turns",
 ]
 
 __getattr__ = renamed_names(__name__, {"Instrument": "InstrumentSection"})

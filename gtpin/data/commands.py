@@ -66,9 +66,8 @@ class Commands:
             object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
-        return (
-            f"Commands: {len(self)} of {self.q.shape[1]} actuators; covariates: {', '.join(self.covariates) or 'none'}"
-        )
+        covariates = ", ".join(self.covariates) or "none"
+        return f"Commands: {len(self)} of {self.q.shape[1]} actuators; covariates: {covariates}"
 
     def __len__(self) -> int:
         return len(self.pose)
@@ -200,7 +199,3 @@ class CartMeasurements:
         if self.orientation is not None:
             table |= dict(zip(ORIENTATION, self.orientation.T, strict=True))
         return table | dict(self.covariates)
-
-    def write(self, file: Path) -> None:
-        """Write a CSV, or Parquet by the suffix, which `read` reads back bit-identically."""
-        write_table(file, self.columns)

@@ -102,10 +102,8 @@ def _cells(file: Path, lines: Iterator[str]) -> Iterator[Row]:
             row += 1
             yield row, cells
     except csv.Error as error:
-        what, hint = (
-            "a quoted cell is not closed as it should be",
-            "close every quote on its own line; a row is one line",
-        )
+        what = "a quoted cell is not closed as it should be"
+        hint = "close every quote on its own line; a row is one line"
         if "field limit" in str(error):
             what, hint = f"a cell has more than {csv.field_size_limit()} characters", "shorten it"
         raise DatasetError(what, file=file, row=row + 1, hint=hint) from None

@@ -25,12 +25,11 @@ from gtpin.data.description import (
     read_toml,
 )
 from gtpin.data.files import check_folder, find_table, read_table
-from gtpin.data.folder import SUFFIXES, tables_there, write_folder
+from gtpin.data.folder import SUFFIXES, read_instruments, tables_there, write_folder
 from gtpin.data.ids import Ids, codes
 from gtpin.data.instrument_rows import POSES, InstrumentRows
 from gtpin.data.instrument_tables import written
 from gtpin.data.names import ORIENTATION, POSITION, TAKEN_IN_POSES, ZERO_COUNTS, command_names
-from gtpin.data.read_instruments import read_instruments
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError, noted, warn
 from gtpin.output.shown import Shown, present
@@ -348,9 +347,8 @@ class Dataset(Shown):
     def _description(self, robot: str) -> Description:
         same = {name: getattr(self, name) for name in ("instrument", *DESCRIBED)}
         drivers = [asdict(driver) for driver in self.drivers]
-        return describe(
-            {"schema": SCHEMA, "robot": robot, "driver": drivers, **same, "tolerance": dict(self.tolerance)}
-        )
+        whole = {"schema": SCHEMA, "robot": robot, "driver": drivers, **same, "tolerance": dict(self.tolerance)}
+        return describe(whole)
 
     def _robot_seen_from(self, folder: Path) -> str:
         reference = self.robot_reference

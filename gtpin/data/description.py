@@ -24,10 +24,16 @@ DEEPEST = 20
 """Most parts of a dotted key; a dataset.toml has three."""
 SCHEMA, SECOND = "gtpin-dataset/1", "gtpin-dataset/2"
 """Of the poses of one tracker, and of several instruments."""
-TomlFinite = Annotated[float, Field(allow_inf_nan=False)]
-TomlPositive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-TomlPoint = Annotated[tuple[TomlFinite, TomlFinite, TomlFinite], Field(strict=False)]
-TomlName = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
+LARGEST = 1e12
+"""Largest absolute value, m or rad, of a number in a description or a reading: its fourth power is still finite."""
+Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, le=LARGEST, allow_inf_nan=False)]
+Tolerance = Annotated[float, Field(ge=1e-10, le=10.0, allow_inf_nan=False)]
+SigmaValue = Annotated[float, Field(ge=1e-10, le=1.0, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)]
+Station = Annotated[tuple[Coordinate, Coordinate, Coordinate], Field(strict=False)]
+Point = Annotated[tuple[Finite, Finite, Finite], Field(strict=False)]
+Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 
 
 def hint(text: str) -> Any:
@@ -78,7 +84,7 @@ class TomlSection(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
 
 
-_ABOVE = "above 0; leave it out to have the noise estimated"
+SIZE = "above 0, from 1e-10 to 1 (it is not in micrometres or degrees); leave it out to have the noise estimated"
 Frame = Annotated[Literal["robot", "free"], hint('write "robot" or "free"')]
 Stations = Annotated[
     Literal["session"] | None, hint('write stations = "session" for a free frame for each value of the column session')
@@ -107,14 +113,14 @@ class InstrumentSection(TomlSection):
     - `stations`: `session` where the instrument stood elsewhere in each session: a free frame for each value of this column.
     """
 
-    position_sigma: Annotated[TomlPositive | None, hint(f"1 sigma per axis in m, {_ABOVE}")] = None
-    orientation_sigma: Annotated[TomlPositive | None, hint(f"1 sigma per axis in rad, {_ABOVE}")] = None
+    position_sigma: Annotated[SigmaValue | None, hint(f"1 sigma per axis in m, {SIZE}")] = None
+    orientation_sigma: Annotated[SigmaValue | None, hint(f"1 sigma per axis in rad, {SIZE}")] = None
     frame: Frame = "robot"
     target: Annotated[
-        TomlPoint | Literal["tcp", "free"],
+        Point | Literal["tcp", "free"],
         hint('write target = [x, y, z], m, TCP frame, or "free", or leave it out where the target is the TCP'),
     ] = "tcp"
-    station: Annotated[TomlPoint | None, hint("station = [x, y, z], three finite numbers in m")] = None
+    station: Annotated[Station | None, hint("station = [x, y, z], three finite numbers in m, up to 10 km")] = None
     stations: Stations = None
     _free_frames = model_validator(mode="before")(with_free_frames)
 
@@ -127,17 +133,21 @@ class InstrumentSection(TomlSection):
 class Conditions(TomlSection):
     """The reference temperature, degC: the nominal geometry is valid at it, and thermal effects are zero."""
 
-    reference_temperature: Annotated[TomlFinite, hint("a finite number, in degC")] = 20.0
+    reference_temperature: Annotated[
+        float,
+        Field(ge=-60.0, le=150.0, allow_inf_nan=False),
+        hint("the temperature at which the geometry holds, degC, from -60 to 150 (subtract 273.15 from kelvin)"),
+    ] = 20.0
 
 
 class DriverTable(TomlSection):
     """One `[[driver]]`: see :class:`~gtpin.data.description.Driver`."""
 
-    column: Annotated[TomlName, hint('write column = "NAME", a covariate of poses.csv')]
-    site: Annotated[TomlName, hint('write site = "NAME": a link, a joint, platform or frame')]
+    column: Annotated[Text, hint('write column = "NAME", a covariate of poses.csv')]
+    site: Annotated[Text, hint('write site = "NAME": a link, a joint, platform or frame')]
     motion: Annotated[Motion, hint(f"write motion = one of {', '.join(MOTIONS)}")]
-    size: Annotated[TomlPositive, hint("write size = the typical motion over the column's range, m or rad, above 0")]
-    sensor: Annotated[TomlName | None, hint('write sensor = "NAME", the same for all columns of a sensor')] = None
+    size: Annotated[Positive, hint("write size = the typical motion over the column's range, m or rad, above 0")]
+    sensor: Annotated[Text | None, hint('write sensor = "NAME", the same for all columns of a sensor')] = None
 
 
 class Description(TomlSection):
@@ -151,18 +161,18 @@ class Description(TomlSection):
     schema_: Literal["gtpin-dataset/1"] = Field(
         alias="schema", description=f'write schema = "{SCHEMA}", or "{SECOND}" for several instruments'
     )
-    robot: Annotated[TomlName, hint('write robot = "NAME" (gtpin robots lists them), or a path to a URDF or MJCF file')]
-    tcp: Annotated[TomlName | None, hint('write tcp = "LINK"')] = None
-    actuators: Annotated[
-        tuple[TomlName, ...], Field(strict=False), hint('write actuators = ["JOINT", "JOINT", ...]')
-    ] = ()
+    robot: Annotated[Text, hint('write robot = "NAME" (gtpin robots lists them), or a path to a URDF or MJCF file')]
+    tcp: Annotated[Text | None, hint('write tcp = "LINK"')] = None
+    actuators: Annotated[tuple[Text, ...], Field(strict=False), hint('write actuators = ["JOINT", "JOINT", ...]')] = ()
     home: Annotated[
-        Annotated[tuple[TomlFinite, ...], Field(strict=False)] | TomlName,
+        Annotated[tuple[Finite, ...], Field(strict=False)] | Text,
         hint("write home = [...], a command for each of q1 .. qn, or the name of a keyframe of an MJCF"),
     ] = ()
     instrument: InstrumentSection = InstrumentSection()
     conditions: Conditions = Conditions()
-    tolerance: Annotated[dict[TomlName, TomlPositive], hint("a tolerance is 1 sigma, a finite number above 0")] = {}
+    tolerance: Annotated[
+        dict[Text, Tolerance], hint("a tolerance is 1 sigma in m, rad or m/m, above 0, from 1e-10 to 10")
+    ] = {}
     driver: Annotated[tuple[DriverTable, ...], Field(strict=False), hint("each driver is a table [[driver]]")] = ()
 
     @property
@@ -264,7 +274,7 @@ def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
 
 def _nearest(key: str, model: type[BaseModel]) -> str:
     """What an unknown key may have been meant to be."""
-    if issubclass(model, TomlSection):
+    if model in (Description, *_SECTIONS.values()):
         sections: list[tuple[str, type[TomlSection]]] = [("", Description), *_SECTIONS.items()]
         for name, other in sections:
             if other is not model and key in _fields(other):

@@ -7,8 +7,7 @@ import csv
 import importlib.util
 import os
 import stat
-import uuid
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +16,11 @@ from gtpin.data.csv_file import read_csv
 from gtpin.data.table import Column, DataTable
 from gtpin.errors import CONTROL, DatasetError, GtpinError, warn
 from gtpin.memory import amount, require
-from gtpin.output.results import writing
 
 LARGEST = 4e9
 """Largest size of a table, bytes."""
 LARGEST_TEXT = 1e8
 """Largest size of a robot, a model, a description or a history, bytes."""
-UNFINISHED = ".gtpin-"
-"""Prefix of the names of files that are being written."""
 READING = 40e6
 """Bytes of memory that the libraries need to read a table of any size."""
 READING_A_BYTE = 4.0
@@ -151,19 +147,3 @@ def _require_pyarrow(file: Path) -> None:
     if importlib.util.find_spec("pyarrow") is None:
         hint = "pip install 'gtpin[parquet]', or take a CSV file with the same columns"
         raise DatasetError("Parquet files need pyarrow", file=file, hint=hint)
-
-
-@contextlib.contextmanager
-def placed_file(target: Path) -> Iterator[Path]:
-    """Give a temporary file in the folder of `target`, and rename it to `target` if the block ends without an error.
-
-    For files inside a folder that is gtpin's own as a whole: what is there already is replaced.
-    """
-    unfinished = target.with_name(f"{UNFINISHED}{uuid.uuid4().hex}{target.suffix}")
-    try:
-        with writing(target, DatasetError):
-            yield unfinished
-            os.replace(unfinished, target)
-    finally:
-        with contextlib.suppress(OSError):
-            unfinished.unlink()

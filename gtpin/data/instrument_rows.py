@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtpin.data.description import InstrumentSection
+from gtpin.data.description import LARGEST, InstrumentSection
 from gtpin.data.ids import joint_codes
-from gtpin.data.instrument_tables import LARGEST, InstrumentTable, SocketTable, TrackerTable
+from gtpin.data.instrument_tables import InstrumentTable, SocketTable, TrackerTable
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.table import Column
 from gtpin.errors import DatasetError

@@ -7,13 +7,21 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, field_validator, model_validator
+from pydantic import ConfigDict, Field, StringConstraints, ValidationError, field_validator, model_validator
 
 from gtpin.data.description import (
+    LARGEST,
     SCHEMA,
+    SIZE,
     Description,
     Frame,
+    Point,
+    Positive,
+    SigmaValue,
+    Station,
     Stations,
+    Text,
+    TomlSection,
     describe,
     explained,
     hint,
@@ -24,20 +32,14 @@ from gtpin.data.description import (
 from gtpin.errors import DatasetError
 from gtpin.typing import Floats
 
-LARGEST = 1e12
-"""Largest absolute value, m or rad, of a number in a description or a reading: its fourth power is still finite."""
-Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0.0, le=LARGEST, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, le=LARGEST, allow_inf_nan=False)]
-Sigma = Annotated[Positive | None, hint("1 sigma of its reading, m or rad, above 0; leave it out to have it estimated")]
+Sigma = Annotated[SigmaValue | None, hint(f"1 sigma of its reading, m or rad, {SIZE}")]
 NAME = r"[A-Za-z0-9_-]+"
 """Pattern of an instrument's name."""
 RESERVED = ("carts", "commands", "truth")
 """Names of tables of a dataset's folder that are no instrument's."""
 NAME_HINT = "letters, digits, - and _: it is part of parameters' names"
 Name = Annotated[str, StringConstraints(pattern=f"^{NAME}$"), hint(NAME_HINT)]
-Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
-Point = Annotated[tuple[Finite, Finite, Finite], Field(strict=False)]
 Distance = Annotated[tuple[Text, Text, Positive, Positive], Field(strict=False)]
 EXACT = 1e-9
 """Standard deviation, m and rad, of a declared place that is exact."""
@@ -65,7 +67,7 @@ def _tilts(normal: Floats) -> Floats:
     return np.hstack([np.zeros((3, 3)), -np.cross(np.eye(3), normal).T])
 
 
-class InstrumentTable(BaseModel):
+class InstrumentTable(TomlSection):
     """The keys of an ``[[instrument]]`` section of dataset.toml; the class of your own kind of instrument derives from it.
 
     - ``name``: the instrument's name, of letters, digits, ``_`` and ``-``.
@@ -88,8 +90,6 @@ class InstrumentTable(BaseModel):
     0.01
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
-
     numbers: ClassVar[tuple[str, ...]] = ()
     """Columns of numbers that the table must have."""
     optional: ClassVar[tuple[str, ...]] = ()
@@ -104,7 +104,7 @@ class InstrumentTable(BaseModel):
     file: Text | None = None
     sigma: Sigma = None
     target: Annotated[Point | None, _TARGET] = None
-    targets: Annotated[dict[Text, Point], hint("targets = {A = [x, y, z], B = [x, y, z]}, m, TCP frame")] = {}
+    targets: Annotated[dict[Text, Point], hint("targets = {A = [x, y, z], B = [x, y, z]}, m, TCP frame")] = Field({})
     target_sigma: NotNegative = 0.0
     targetless: ClassVar[str] = ""
     """What it is called in the error that it has no target; empty where it has one."""
@@ -159,7 +159,7 @@ class TrackerTable(InstrumentTable):
     position_sigma: Sigma = None
     orientation_sigma: Sigma = None
     frame: Frame = "robot"
-    station: Point | None = None
+    station: Station | None = None
     stations: Stations = None
     _free_frames = model_validator(mode="before")(with_free_frames)
 
@@ -197,10 +197,8 @@ class RangeTable(InstrumentTable):
         return shows_place(self.station_sigma, _points_by_place(self.stations.values()))
 
 
-class PlaneOf(BaseModel):
+class PlaneOf(TomlSection):
     """A plane: a point on it, m, and its normal, base frame."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
 
     point: Point
     normal: Point
@@ -253,7 +251,7 @@ class SocketTable(InstrumentTable):
     needed: ClassVar[tuple[str, ...]] = ("socket",)
 
     kind: Literal["socket"]
-    sockets: Annotated[dict[Text, Point], hint("sockets = {S1 = [x, y, z]}, m, base frame")] = {}
+    sockets: Annotated[dict[Text, Point], hint("sockets = {S1 = [x, y, z]}, m, base frame")] = Field({})
     socket_sigma: Positive | None = None
     distances: Annotated[tuple[Distance, ...], Field(strict=False), hint(_DISTANCES)] = ()
 

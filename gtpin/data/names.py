@@ -13,6 +13,8 @@ Kind = Literal["id", "number", "any"]
 
 POSITION = ("x", "y", "z")
 ORIENTATION = ("qw", "qx", "qy", "qz")
+SIGMAS = ("sx", "sy", "sz", "srx", "sry", "srz")
+"""Columns of a tracker's own sigmas, per row."""
 IDS = ("pose", "session")
 
 _PLAIN = ("time", "session", "temp_frame", "temp_link", "payload")
@@ -90,9 +92,8 @@ def is_approach(name: str) -> bool:
 def check_covariate_name(name: str, n_actuators: int, taken: re.Pattern[str]) -> None:
     """Raise `DatasetError` for a name that no covariate of a robot with ``n_actuators`` actuators can have."""
     if len(name) > LONGEST:
-        raise DatasetError(
-            f"the name of a column has {len(name):,} letters", column=name[:40], hint="give a shorter name"
-        )
+        what = f"the name of a column has {len(name):,} letters"
+        raise DatasetError(what, column=name[:40], hint="give a shorter name")
     if not name.strip() or not name.isprintable():
         raise DatasetError("a covariate needs a printable name", column=repr(name))
     if taken.fullmatch(name):

@@ -1,154 +1,28 @@
-"""Numbers that can't be: commands of a robot's actuators, readings of a machine's sensors, values of dataset.toml."""
+"""The border: numbers that can't be of a machine's sensors, and what an export did to a table: copies of rows, which are no
+visits, and positions rounded more coarsely than the noise."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeVar
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import betainc
 
 from gtpin.data.commands import Commands
 from gtpin.data.dataset import Dataset
 from gtpin.data.files import warn_of
+from gtpin.data.ids import joint_codes
 from gtpin.data.names import POSITION
-from gtpin.errors import DatasetError, listed, warn
-from gtpin.typing import Floats, Mask
+from gtpin.errors import DatasetError, listed
+from gtpin.typing import Floats, Indices, Mask
 
-Doubt = Callable[[DatasetError, Any], None]
-"""Decides on a suspected mistake, by its error and the rows without the mistake: it raises the error, or returns."""
-
-_NEARLY_ALL = 0.95
-"""Share of a column's values that must fit another unit for the message that they look like it. Assumed."""
 MOST_IMPOSSIBLE = 0.1
 """Share of the rows that may lack a reading before the column is refused; assumed."""
 _OVERFLOW = (-999.0, -9999.0, -99999.0, 9999.0, 99999.0, 65535.0, 32767.0, -32768.0, 2147483647.0, 4294967295.0)
-
-
-class Actuated(Protocol):
-    """A robot with n actuators."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-
-    @property
-    def sites(self) -> tuple[str, ...]:
-        """Names of its actuators, in the order of q."""
-
-    @property
-    def lower(self) -> Floats:
-        """(n,) lower end of each range, m or rad."""
-
-    @property
-    def upper(self) -> Floats:
-        """(n,) upper end of each range, m or rad."""
-
-    @property
-    def revolute(self) -> Mask:
-        """(n,) whether each one turns."""
-
-
-Rows = TypeVar("Rows", Dataset, Commands)
-
-
-def without_whole_turns(rows: Rows, drives: Actuated) -> Rows:
-    """The rows with commands outside their ranges less a whole turn, in columns that fit their ranges then.
-
-    A controller may count from 0 to 360 degrees where the robot's file has a range about 0. Columns with values that are
-    more than a turn off the range, as degrees are, stay as they are.
-
-    Warns: names the column and the number of rows.
-    """
-    low, high = drives.lower, drives.upper
-    turns = drives.revolute & np.isfinite(high - low)
-    if rows.n_actuators != len(low) or not turns.any():
-        return rows
-    middle, half = np.where(turns, (low + high) / 2.0, 0.0), np.where(turns, (high - low) / 2.0, np.inf)
-    off = rows.q - middle
-    whole = np.where(turns & (np.abs(off) > half), np.round(off / (2.0 * np.pi)), 0.0)
-    inside = np.abs(off - 2.0 * np.pi * whole) <= half
-    # Controllers count from 0 to 360 degrees or to either side; commands in degrees are farther off than one turn.
-    whole[:, (inside.mean(axis=0) < _NEARLY_ALL) | (np.abs(off) > 2.0 * np.pi + half).any(axis=0)] = 0.0
-    whole[~inside] = 0.0
-    if not whole.any():
-        return rows
-    q = rows.q - 2.0 * np.pi * whole
-    for j in map(int, np.flatnonzero(whole.any(axis=0))):
-        first, count = int(np.argmax(whole[:, j] != 0.0)), int(np.count_nonzero(whole[:, j]))
-        warn_of(
-            rows.file,
-            f"q{j + 1}: a whole turn is taken off in {count} of {len(q)} rows, since {drives.sites[j]} turns from "
-            f"{low[j]:g} to {high[j]:g} rad (in row {rows.place(first)[1]}, {rows.q[first, j]:g} becomes {q[first, j]:.6g})",
-        )
-    return replace(rows, q=q)
-
-
-def check_actuators(drives: Actuated, rows: Dataset | Commands) -> None:
-    """Raise `DatasetError` where rows do not have one command for each of a robot's actuators."""
-    given, needed = rows.n_actuators, len(drives.sites)
-    if given != needed:
-        what = f"{given} command{'s'[: given != 1]} a pose, but {drives.name} has {needed} actuator{'s'[: needed != 1]}"
-        hint = f"give {'q1' if needed == 1 else f'q1 .. q{needed}'} ({', '.join(drives.sites)})"
-        hint += ", or name those that were commanded: actuators = [...] in dataset.toml" if given < needed else ""
-        raise DatasetError(what, file=rows.file, column=f"q{given}", hint=hint)
-
-
-def check_commands(rows: Dataset | Commands, drives: Actuated, suspect: Doubt | None = None) -> None:
-    """Check commands against the ranges of a robot's n actuators.
-
-    ``suspect``: what is done where most commands of a joint without limits are more than three turns from zero, as
-    degrees are; None: the error is raised.
-
-    Raises `DatasetError` for another number of actuators, and for a command that is outside its range by more than the range's
-    width, with the unit that it looks like; of a trusted dataset it only warns. Warns of poses that are outside by less.
-    """
-    names, low, high, q = drives.sites, drives.lower, drives.upper, rows.q
-    check_actuators(drives, rows)
-    beyond = np.maximum(low - q, q - high)
-    far = beyond > high - low
-    if far.any():
-        error = _far_outside(rows, drives, far)
-        if not getattr(rows, "trusted", False):
-            raise error
-        warn(str(error))
-    turn = 2.0 * np.pi
-    for j in map(int, np.flatnonzero(drives.revolute & ~np.isfinite(high - low))):
-        size = np.abs(q[:, j])
-        many = size > 3.0 * turn
-        if many.mean() > 0.5 and (np.deg2rad(size) <= turn).mean() >= _NEARLY_ALL:  # nearly all within 360 degrees
-            what = f"most commands of {names[j]} are more than 3 turns from zero, and look like degrees"
-            hint = "write commands in rad; if the joint did turn so often, take whole turns away"
-            file, line = rows.place(int(np.argmax(many)))
-            error = DatasetError(what, file=file, row=line, column=f"q{j + 1}", hint=hint)
-            if suspect is None:
-                raise error
-            suspect(error, replace(rows, q=np.where(np.arange(q.shape[1]) == j, np.deg2rad(q), q)))
-    width = np.where(np.isfinite(high - low), high - low, 0.0)
-    outside = np.asarray((beyond > 1e-9 * width).any(axis=1))
-    if outside.any():
-        warn_of(rows.file, f"commands a little outside the robot's range: {named_poses(rows, outside)}")
-
-
-def _far_outside(rows: Dataset | Commands, drives: Actuated, far: Mask) -> DatasetError:
-    """The error of the first command that is ``far`` (N, n) outside its range, with the unit that its column looks like."""
-    index, j = (int(i) for i in np.argwhere(far)[0])
-    name, low, high, q = drives.sites[j], drives.lower[j], drives.upper[j], rows.q[:, j]
-    right, other, factor = ("rad", "degrees", 180.0 / np.pi) if drives.revolute[j] else ("m", "millimetres", 1000.0)
-    as_is, scaled = (((x >= low) & (x <= high)) for x in (q, q / factor))
-    looks, hint = "", "correct the row, or leave it out"
-    # Where most commands fit without a conversion, the others are separate errors, not a matter of units.
-    if scaled.mean() >= _NEARLY_ALL and as_is.mean() < 0.5:
-        looks, hint = f", and the column looks like {other}", f"write commands in {right}"
-    elif (own := far[:, j]).sum() >= 6 and scaled[own].mean() >= _NEARLY_ALL:
-        lines = [rows.place(int(i))[1] for i in np.flatnonzero(own)]
-        looks = f", and so are {len(lines)} of {len(q)} rows, the first in line {min(lines)} and the last in line "
-        looks += f"{max(lines)} of the file, which look like {other}"
-        hint = f"write commands of these rows in {right}"
-    what = f"{q[index]:g} is far outside the range of {name} ({low:g} to {high:g} {right}){looks}"
-    file, line = rows.place(index)
-    return DatasetError(what, file=file, row=line, column=f"q{j + 1}", hint=hint)
 
 
 def named_poses(rows: Dataset | Commands, mask: Mask) -> str:
@@ -254,19 +128,14 @@ def _check_units(dataset: Dataset, name: str, values: Floats) -> None:
 
 
 def check_extremes(dataset: Dataset) -> None:
-    """Check the numbers that dataset.toml gives, and that the commands differ.
+    """Check that positions have a unit, and that the commands differ.
 
-    Raises `DatasetError` for a sigma, a tolerance, a station or a reference temperature that can't be, for positions beyond
-    any unit, and where all commands are the same. Warns: of a reference temperature that could be in degrees Fahrenheit.
+    Raises `DatasetError` for positions beyond any unit, and where all commands are the same. Warns: of a reference temperature
+    that could be in degrees Fahrenheit.
     """
-    file = dataset.toml
-    for key, value, (least, most), hint in _bounded(dataset):
-        if not least <= value <= most:
-            hint = f"{hint}, from {least:g} to {most:g}"
-            raise DatasetError(f"{value:.6g} can't be", file=file, column=key, hint=hint)
     if 59.0 <= (reference := dataset.conditions.reference_temperature) <= 86.0:  # 15 to 30 degC
         text = f"reference_temperature is taken as {reference:g} degC; where it is in degrees Fahrenheit, convert it"
-        warn_of(file, text)
+        warn_of(dataset.toml, text)
     for name, size in zip(POSITION, np.median(np.abs(dataset.position), axis=0), strict=True):
         if size > 1e12:  # in nanometres, 1 km
             what, hint = f"half of the positions are {size:.2g} m away or farther", "give metres"
@@ -276,19 +145,193 @@ def check_extremes(dataset: Dataset) -> None:
         raise DatasetError("all poses have the same commands", file=dataset.place(0)[0], column="q1", hint=hint)
 
 
-def _bounded(dataset: Dataset) -> Iterator[tuple[str, float, tuple[float, float], str]]:
-    """Keys of dataset.toml, their values, the limits of these (assumed), and hints."""
-    for coordinate in dataset.instrument.station or ():
-        yield "instrument.station", coordinate, (-1e4, 1e4), "where the instrument stands, m"
-    hint = "the temperature at which the geometry holds, degC (subtract 273.15 from kelvin)"
-    yield "conditions.reference_temperature", dataset.conditions.reference_temperature, (-60.0, 150.0), hint
-    for kind, value in dataset.tolerance.items():
-        yield f"tolerance.{kind}", value, (1e-10, 10.0), "1 sigma in m, rad or m/m"
-    for i, table in enumerate(dataset.readings.tables):
-        for name, unit in (("sigma", "m or rad"), ("position_sigma", "m"), ("orientation_sigma", "rad")):
-            sigma = getattr(table, name, None)
-            if sigma is not None:
-                like = {"m": "micrometres", "rad": "microradians"}.get(unit, "micrometres or microradians")
-                looks = f" (it looks like {like})" if sigma > 1.0 else ""
-                key = f"instrument.{f'{i}.' * bool(table.name)}{name}"
-                yield key, sigma, (1e-10, 1.0), f"1 sigma per axis in {unit}{looks}"
+POSITION_STEPS = (1e-2, 5e-3, 1e-3, 5e-4, 1e-4, 5e-5, 1e-5)
+"""Steps that positions are rounded to, m, the coarsest first."""
+COMMAND_STEPS = (0.1, 0.05, *POSITION_STEPS)
+"""Steps that commands are rounded to, m or rad, the coarsest first."""
+DEGREE_STEPS = (1.0, 0.5, 0.1, 0.05, 0.01, 0.005, 0.001)
+"""The same for joints that turn, degrees: as controllers show them. Assumed."""
+EXACT = 1e-6
+"""Share of a step by which a number may differ from a multiple of it: binary numbers don't represent decimals exactly."""
+
+
+def with_rounding(dataset: Dataset) -> Dataset:
+    """The dataset with the rounding error added to the declared noise of positions.
+
+    Rounding to a step d is an error uniform over d, of standard deviation d / sqrt(12). Undeclared noise is estimated from
+    the data, and includes it already.
+
+    Warns: where rounding makes the noise larger than what is declared.
+    """
+    step, declared = coarsest_step(dataset.position, POSITION_STEPS), dataset.instrument.position_sigma
+    if step is None or declared is None:
+        return dataset
+    sigma = float(np.hypot(declared, step / np.sqrt(12.0)))
+    if sigma < 1.05 * declared:
+        return dataset
+    text = (
+        f"positions are rounded to {1e3 * step:g} mm: with it their noise is {sigma:.2g} m, more than the {declared:.2g} m "
+        "that are declared, and is used; export more digits"
+    )
+    warn_of(dataset.file, text)
+    return replace(dataset, instrument=dataset.instrument.model_copy(update={"position_sigma": sigma}))
+
+
+def coarsest_step(values: Floats, steps: Sequence[float]) -> float | None:
+    """The first of some steps that all values (N, k) are multiples of; None where there is none, or there are few rows."""
+    near = values[(np.abs(values) < 1e3).all(axis=1)]  # without gross errors
+    if len(near) < 10:
+        return None
+    for step in steps:
+        counts = near / step
+        if np.abs(counts - np.round(counts)).max() < EXACT:
+            return step
+    return None
+
+
+class CommandSteps(NamedTuple):
+    """Steps that commands are multiples of: ``size`` (n,), m or rad, infinite for a command that is constant; ``words``."""
+
+    size: Floats
+    words: str
+
+
+def command_steps(q: Floats, revolute: Mask) -> CommandSteps | None:
+    """The coarsest steps that each of the commands q (N, n), m or rad, is a multiple of; None where one has no step.
+
+    ``revolute``: (n,) whether an actuator turns; all that do have steps in rad, or all in degrees.
+    """
+    for unit, steps, factor in (("rad", COMMAND_STEPS, 1.0), ("degrees", DEGREE_STEPS, np.pi / 180.0)):
+        sizes, words = np.full(q.shape[1], np.inf), list[str]()
+        for j in np.flatnonzero(np.ptp(q, axis=0) > 0.0):
+            own = (unit, steps, factor) if revolute[j] else ("m", COMMAND_STEPS, 1.0)
+            step = coarsest_step(q[:, [j]] / own[2], own[1])
+            if step is None:
+                break
+            sizes[j] = step * own[2]
+            words.append(f"{step:g} {own[0]}")
+        else:
+            return CommandSteps(sizes, " or ".join(dict.fromkeys(words))) if words else None
+    return None
+
+
+STEPS = tuple(m * 10.0**-k for k in range(2, 10) for m in (1.0, 0.5))
+"""Steps that readings are rounded to, m or rad, the coarsest first."""
+FINEST = 1e-12
+"""Step of readings with all digits of a binary number, m or rad."""
+
+
+def counted_once(dataset: Dataset) -> Dataset:
+    """The dataset without copies of rows: see :func:`copies`.
+
+    Warns: says how many copies are left out.
+    """
+    found = copies(dataset)
+    if not found.any():
+        return dataset
+    files = [dataset.place(int(row)) for row in np.flatnonzero(found)]
+    for file in dict.fromkeys(file for file, _ in files):
+        lines_here = [line for other, line in files if other == file]
+        lines = ", ".join(map(str, lines_here[:5])) + (", ..." if len(lines_here) > 5 else "")
+        text = (
+            f"{len(lines_here)} of {len(dataset)} rows repeat another one's commands and measurement to the last digit "
+            f"(rows {lines}): copies, not repeated visits; each is counted once"
+        )
+        warn_of(file, text)
+    return dataset.take(~found)
+
+
+def copies(dataset: Dataset) -> NDArray[np.bool_]:
+    """(N,) rows that are copies of an earlier one.
+
+    Equal rows have the same instrument, commands and time, and to the last digit the same measurement. Other covariates may
+    differ, because joining a table with another one repeats its rows. Rounded readings of repeated visits are equal by chance,
+    too. Equal rows are copies in two cases: there are more of them than chance allows, given the step of the readings and
+    their scatter between visits; or every row of the table is there twice, or three times, and so on.
+    """
+    time = [dataset.covariates["time"]] if "time" in dataset.covariates else []
+    readings = dataset.readings
+    found = np.zeros(len(dataset), dtype=bool)
+    for index in range(len(readings.tables)):
+        mine = readings.rows_of(index)
+        columns = [column[mine] for column in readings.columns.values()]
+        ids = [column.astype(str) for column in columns if column.dtype == object]
+        read = [column for column in columns if column.dtype != object and not np.isnan(column).any()]
+        same = [*dataset.q[mine].T, *(column[mine] for column in time), readings.component[mine], *ids]
+        found[mine] = _copies(same, read)
+    return found
+
+
+def _copies(same: list[NDArray[np.generic]], read: list[Floats]) -> NDArray[np.bool_]:
+    """(N,) which rows are copies of an earlier one.
+
+    ``same``: (N,) each: columns that two visits to one place have in common, such as commands. ``read``: (N,) each: columns
+    of what was measured.
+    """
+    count = len(same[0])
+    copied = np.zeros(count, dtype=bool)
+    if any(len(np.unique(column)) == count for column in (*read, *same)):
+        return copied  # the usual case
+    place = joint_codes(same)
+    row = joint_codes([place, *read])
+    order = np.argsort(row, kind="stable")
+    begins = np.flatnonzero(np.diff(row[order], prepend=-1))
+    times = np.diff(begins, append=count)
+    if times.max(initial=1) == 1:
+        return copied
+    # How many equal rows there are before each: a whole table that is there k times has k copies of every row.
+    earlier = np.empty(count, dtype=np.intp)
+    earlier[order] = np.arange(count) - np.repeat(begins, times)
+    whole = int(np.gcd.reduce(times))
+    if whole > 1 and len(times) > 1:
+        each = np.empty(count, dtype=np.intp)
+        each[order] = np.repeat(times // whole, times)
+        copied = earlier >= each
+    repeated = (earlier > 0) & ~copied
+    visits = np.bincount(place[~copied])
+    pairs = float((visits * (visits - 1)).sum()) / 2.0
+    equal = int(repeated.sum())
+    if equal and betainc(equal, pairs - equal + 1.0, _chance(place, row, read)) < 1e-5:
+        copied |= repeated
+    return copied
+
+
+def _chance(place: Indices, row: Indices, read: list[Floats]) -> float:
+    """Upper bound of the probability that two visits to one place are equal in all columns: that of the most unlikely column.
+
+    Columns are not multiplied, because the errors of a drive move several of them together.
+    """
+    order = np.argsort(place, kind="stable")
+    visits = np.flatnonzero((np.diff(place[order]) == 0) & (np.diff(row[order]) != 0))
+    visits = visits[:: 1 + len(visits) // 1000]
+    chances = [1.0]
+    for column in read:
+        moved = np.abs(column[order][visits + 1] - column[order][visits])
+        moved = moved[moved > 0.0]
+        step = _step(column, moved)
+        if len(moved):
+            chances.append(_equal(moved / step))
+        elif not len(visits) and (column != column[0]).any():
+            chances.append(min(1.0, step / 1e-6))  # few machines repeat to less, m or rad
+    return min(chances)
+
+
+def _step(column: Floats, moved: Floats) -> float:
+    """The step to which a column is rounded, given differences between visits: one that these show, or a decimal one."""
+    if len(moved) >= 5:  # a step of their own, such as that of inches
+        for part in (1.0, 2.0, 3.0):
+            steps = moved * (part / moved.min())
+            if (np.abs(steps - np.round(steps)) < 1e-3).all():
+                return float(moved.min() / part)
+    return coarsest_step(column[:, None], STEPS) or FINEST
+
+
+def _equal(steps: Floats) -> float:
+    """Upper bound of the probability that two visits are equal in a column, from k differences of those that are not, in steps.
+
+    Readings of scatter s, rounded to steps that are smaller, are equal with probability 1 / (2 sqrt(pi) s), and their
+    differences have the median 0.95 s. A median of k has a relative standard error of about 1 / sqrt(k). Of a scatter up to
+    two steps nothing is known.
+    """
+    middle = float(np.median(steps))
+    return 1.0 if middle < 2.5 else min(1.0, (0.27 + 1.0 / np.sqrt(len(steps))) / middle)

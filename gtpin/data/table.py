@@ -55,17 +55,10 @@ def is_missing(text: str) -> bool:
     return plain in _MISSING or plain.lstrip("+-") in _INFINITE
 
 
-def has_decimal_comma(text: str) -> bool:
-    """Whether a text is a number with a comma for the point."""
-    return "," in text and not math.isnan(number(text.replace(",", ".", 1)))
-
-
 def _habit(text: str) -> str | None:
     """The hint for a number that is written as by another program; None for what is none."""
-    hints = (
-        h for wrong, right, h in _HABITS if wrong.search(text) and not math.isnan(number(wrong.sub(right, text, 1)))
-    )
-    return next(hints, None)
+    written = ((h, wrong.sub(right, text, 1)) for wrong, right, h in _HABITS if wrong.search(text))
+    return next((h for h, plain in written if not math.isnan(number(plain))), None)
 
 
 def bad_cell(file: Path, names: Sequence[str], cells: Sequence[str], column: int, row: int) -> DatasetError:
@@ -185,9 +178,8 @@ def _plain(name: str) -> str:
 def check_header(names: Sequence[str], file: Path) -> None:
     """Raise `DatasetError` for a line that is no header, or a header with a column that is unnamed or there twice."""
     if not any(math.isnan(number(name)) for name in names):
-        raise DatasetError(
-            "the first line holds numbers, not names", file=file, row=1, hint="put a header line above it"
-        )
+        hint = "put a header line above it"
+        raise DatasetError("the first line holds numbers, not names", file=file, row=1, hint=hint)
     seen: set[str] = set()
     for position, name in enumerate(names, 1):
         if not name.strip():

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset, by_region
-from gtpin.data.duplicates import copies
+from gtpin.data.plausible import copies
 from gtpin.diagnosis.changed_geometry import in_geometry
 from gtpin.diagnosis.design import Design, Observed
 from gtpin.diagnosis.doubts import out_of_range

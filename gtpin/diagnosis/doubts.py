@@ -16,7 +16,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from gtpin.data.duplicates import command_steps
+from gtpin.data.plausible import command_steps
 from gtpin.diagnosis.classes import ClassMember, class_of, ordered, own_probability, unnamed
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Posterior, without

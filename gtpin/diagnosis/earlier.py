@@ -13,9 +13,8 @@ import numpy.typing as npt
 from gtpin.calibration.checks.before_fit import known_noise, plausible_rows, prepared, with_positions
 from gtpin.calibration.checks.instruments import check_sockets, check_stations
 from gtpin.calibration.problem import Measured, rough_frame
-from gtpin.data import Dataset, check_commands, without_whole_turns
-from gtpin.data.duplicates import counted_once
-from gtpin.data.plausible import check_actuators, check_extremes, sane_rows
+from gtpin.data import Dataset
+from gtpin.data.plausible import check_extremes, counted_once, sane_rows
 from gtpin.diagnosis.design import Design, Observed
 from gtpin.diagnosis.hypothesis import Hypothesis
 from gtpin.diagnosis.priors import PRIORS, Priors
@@ -31,6 +30,7 @@ from gtpin.model.fit_conditions import EXPLAINED, TEMPERATURES, FitConditions, M
 from gtpin.model.model import Frame, Model, inverse_root, joined
 from gtpin.noise.noise import Noise
 from gtpin.noise.reading_noise import SMALLEST, ReadingNoise
+from gtpin.robot.command_ranges import check_actuators, check_commands, without_whole_turns
 from gtpin.typing import Floats
 
 SINCE = "since the model"

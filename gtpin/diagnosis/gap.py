@@ -9,7 +9,7 @@ from typing import get_args
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.calibration.left_out import LeftOutBlock
+from gtpin.calibration.left_out import of_block
 from gtpin.data import Dataset, by_region, random
 from gtpin.diagnosis.design import Design
 from gtpin.diagnosis.evidence import NOTHING, Posterior, given, marginal_power
@@ -70,8 +70,7 @@ def leave_out(design: Design, causes: Floats, blocks: list[Mask], unseen: Floats
     out, inside, kept = np.empty_like(residual), np.empty_like(residual), np.empty_like(residual)
     for block in blocks:
         rows = np.flatnonzero(np.repeat(block, c))
-        of = LeftOutBlock.of(half[rows], residual[rows])
-        out[rows], kept[rows] = of.errors, of.kept
+        out[rows], kept[rows] = of_block(half[rows], residual[rows])
         inside[rows] = residual[rows] * out[rows]
         if unseen is not None:
             out[rows] -= apart[rows] @ (z - root @ (half[rows].T @ out[rows]))

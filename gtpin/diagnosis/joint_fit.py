@@ -21,13 +21,12 @@ from gtpin.effects.displacement import Displacement
 from gtpin.effects.operating_points import References
 from gtpin.errors import ConvergenceError
 from gtpin.estimate import Estimate
-from gtpin.instruments.readings import Readings
 from gtpin.kinematics.poses import Poses
 from gtpin.model.fit_conditions import FitConditions, ModelDiscrepancy
 from gtpin.model.model import Model, root_of
 from gtpin.noise.reading_noise import ReadingNoise
 from gtpin.robot.chain import Chain
-from gtpin.typing import Floats
+from gtpin.typing import Floats, Indices
 
 LAST_DECREASE = 0.1
 """Largest predicted decrease of the cost, nats, at which the fit may end although no step lowers the cost.
@@ -51,10 +50,11 @@ def fit_together(
     """
     problem = JointProblem.of(observed, start, causes, scale, references)
     deviation = start.geometry.deviation / start.geometry.tolerance
-    first = problem.calibration.first
-    x = np.concatenate([deviation, first[len(deviation) :], np.zeros(problem.size - len(first))])
+    x, known = np.zeros(problem.size), problem.first
+    x[: len(known)] = known
+    x[: len(deviation)] = deviation
     try:
-        found = fit(problem, observed.weigh, x, left_out=LAST_DECREASE, inexact=len(first))
+        found = fit(problem, observed.weigh, x, left_out=LAST_DECREASE, inexact=len(known))
     except ConvergenceError as error:
         raise ConvergenceError(
             "geometry and causes have not settled together", hint="exclude the causes one by one"
@@ -70,32 +70,30 @@ def fit_together(
         found.point.model,
         effects=problem.active(found.point.x, covariance),
         covariance=covariance[:p, :p] * np.outer(tolerance, tolerance),
-        instruments=problem.calibration.readings(found.point.x).fitted,
+        instruments=problem.readings(found.point.x).fitted,
         joint_covariance=joint,
         fit=fitted,
         unexplained=unexplained,
     )
 
 
-def _unexplained(problem: JointProblem, found: Fit[JointProblem], noise: ReadingNoise) -> ModelDiscrepancy:
+def _unexplained(problem: JointProblem, found: Fit, noise: ReadingNoise) -> ModelDiscrepancy:
     """What geometry and causes leave unexplained between poses."""
-    colour = np.linalg.inv(problem.calibration.whitening)
+    colour = np.linalg.inv(problem.whitening)
     errors = np.einsum("nij,nj->ni", colour, found.residual)
     variance = (colour**2).sum(axis=2)
     return unexplained_by(found, errors, variance, known=noise.known, dof=noise.dof)
 
 
-@dataclass(frozen=True)
-class JointProblem:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class JointProblem(Problem):
     """The fitted problem: x has the unknowns of a calibration, then the causes' coefficients in units of their priors' sigmas.
 
-    - ``calibration``: the problem without causes.
     - ``observed``: the poses, with the covariates on which the causes depend.
     - ``causes``, ``sizes``: the causes, and for each the (m,) prior standard deviations of its coefficients.
     - ``references``: reference values of the causes' covariates.
     """
 
-    calibration: Problem
     observed: Observed
     causes: Sequence[Hypothesis]
     sizes: Sequence[Floats]
@@ -114,37 +112,32 @@ class JointProblem:
         measured = observed.measured
         J = measured.change_by(at.command_jacobian, start, at.poses)
         whitening = observed.noise.whitening(J, measured.components)
-        plain = Problem(nominal, measured, whitening, observed.free_frame)
-        return JointProblem(plain, observed, causes, sizes, references)
-
-    @property
-    def measured(self) -> Readings:
-        """The readings."""
-        return self.calibration.measured
+        return JointProblem(
+            nominal,
+            measured,
+            whitening,
+            observed.free_frame,
+            observed=observed,
+            causes=causes,
+            sizes=sizes,
+            references=references,
+        )
 
     @property
     def size(self) -> int:
         """Length of x."""
-        return self.calibration.size + sum(map(len, self.sizes))
+        return super().size + sum(map(len, self.sizes))
 
     @property
     def prior(self) -> Floats:
         """(size,) weight of the square of each x in the cost: 1 for a coefficient."""
-        return np.concatenate([self.calibration.prior, *map(np.ones_like, self.sizes)])
-
-    def point(self, x: Floats, near: Poses | None = None) -> Point:
-        """The model at x without effects, and its poses; NaN where a pose can't be reached. ``near``: poses to start from."""
-        return self.calibration.point(x, near)
+        return np.concatenate([super().prior, *map(np.ones_like, self.sizes)])
 
     def residual(self, point: Point) -> Floats:
         """(N, c) whitened measured less predicted, with the effects in the closures."""
-        return self.calibration.residual_at(point, self._displaced(point, slice(None)))
+        return self.residual_at(point, self._displaced(point, slice(None)))
 
-    def chunks(self) -> list[slice]:
-        """Slices of rows that fit in memory with their derivatives."""
-        return self.calibration.chunks()
-
-    def jacobian(self, point: Point, rows: slice, weight: Floats | None = None) -> Floats:
+    def jacobian(self, point: Point, rows: slice | Indices, weight: Floats | None = None) -> Floats:
         """(M, c, size) derivative of the whitened prediction by x, for some rows.
 
         The derivative by the calibration's unknowns is taken at the poses with the effects, because a sensor whose mounting is
@@ -154,25 +147,24 @@ class JointProblem:
         displaced = replace(point, poses=self._displaced(point, rows))
         at = self.observed.take(rows).operating_points(point.model, self.references, point.poses[rows])
         bases = [cause.basis(at) for cause in self.causes]
-        problem = self.calibration
         q = self.observed.measured.q.copy()
         q[rows] = self._travelled(at.q, bases, point.x)
-        problem = problem.at_commands(q)
+        problem = self.at_commands(q)
         at = replace(at, q=q[rows], poses=displaced.poses[rows])
         moved = [basis.displacement(at) * size for basis, size in zip(bases, self.sizes, strict=True)]
         columns = [problem.columns(point, J, rows, weight) for J in moved]
-        return np.concatenate([problem.jacobian(displaced, rows, weight), *columns], axis=2)
+        return np.concatenate([Problem.jacobian(problem, displaced, rows, weight), *columns], axis=2)
 
     def _travelled(self, q: Floats, bases: Sequence[Displacement], x: Floats) -> Floats:
         """(M, n) commands with the deviations of the travel by the causes, m or rad."""
-        moved, place = q.copy(), self.calibration.size
+        moved, place = q.copy(), super().size
         for basis, size in zip(bases, self.sizes, strict=True):
             if basis.command is not None:
                 moved[:, basis.command[0]] += basis.command[1] @ (x[place : place + len(size)] * size)
             place += len(size)
         return moved
 
-    def _displaced(self, point: Point, rows: slice) -> Poses:
+    def _displaced(self, point: Point, rows: slice | Indices) -> Poses:
         """The poses of an iterate, base frame, some rows of them with the effects."""
         some, poses = self.observed.take(rows), point.poses
         effects = self.active(point.x, np.zeros((self.size, self.size)))
@@ -183,14 +175,14 @@ class JointProblem:
 
     def joint_covariance(self, covariance: Floats) -> Floats:
         """(p + m, p + m) covariance of the p geometric parameters and m coefficients, from the covariance of x (size, size)."""
-        tolerance, after = self.calibration.start.geometry.tolerance, self.calibration.size
+        tolerance, after = self.start.geometry.tolerance, super().size
         kept = [*range(len(tolerance)), *range(after, self.size)]
         sizes = np.concatenate([tolerance, *self.sizes])
         return np.asarray(covariance[np.ix_(kept, kept)] * np.outer(sizes, sizes))
 
     def active(self, x: Floats, covariance: Floats) -> tuple[ActiveEffect, ...]:
         """The causes with their coefficients at x; ``covariance`` (size, size) is that of x."""
-        found, place = [], self.calibration.size
+        found, place = [], super().size
         for cause, size in zip(self.causes, self.sizes, strict=True):
             own = slice(place, place + len(size))
             place = own.stop

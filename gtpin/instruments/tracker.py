@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from gtpin.data.instrument_tables import TrackerTable
-from gtpin.data.names import ORIENTATION, POSITION
-from gtpin.data.read_instruments import SIGMAS
+from gtpin.data.names import ORIENTATION, POSITION, SIGMAS
 from gtpin.errors import DatasetError
 from gtpin.instruments.frame_and_target import TURN, alignment, frame_and_target
 from gtpin.instruments.instrument import Component, RowError, Unknown

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.data import Commands, check_commands, without_whole_turns
+from gtpin.data import Commands
 from gtpin.data.table import Column
 from gtpin.effects.active import warn_of_extrapolation
 from gtpin.errors import ModelError, UnreachableError
 from gtpin.kinematics.poses import Poses
 from gtpin.model.model import Model
+from gtpin.robot.command_ranges import check_commands, without_whole_turns
 
 
 def predict(model: Model, commands: Commands) -> Poses:

@@ -11,7 +11,7 @@ from gtpin.accuracy.workspace import FLAT, default_commands
 from gtpin.calibration.observability import Remedy
 from gtpin.calibration.result import Calibration, InstrumentFit
 from gtpin.data.instrument_tables import TrackerTable
-from gtpin.data.read_instruments import SIGMAS
+from gtpin.data.names import SIGMAS
 from gtpin.diagnosis.priors import PRIORS
 from gtpin.errors import UnreachableError
 from gtpin.report.words import joined, length, quantity

@@ -24,9 +24,8 @@ EVERYWHERE = pytest.mark.parametrize(
 
 def named(data: gtpin.Dataset, *, failed: bool = False) -> Interpretation | None:
     nominal = gtpin.Model(gtpin.Geometry.nominal(gtpin.load_robot(data.robot_reference)))
-    poses, known = nominal.kinematics.forward(data.q), data.instrument
-    free, target = known.frame == "free", "free" if known.target == "free" else None
-    return recognised(nominal, poses, measured_poses(data), free=free, target=target, failed=failed)
+    poses = nominal.kinematics.forward(data.q)
+    return recognised(nominal, poses, measured_poses(data), data.instrument, failed=failed)
 
 
 def shift(found: Interpretation | None, column: int) -> float:
@@ -37,8 +36,8 @@ def shift(found: Interpretation | None, column: int) -> float:
 
 
 def test_what_to_add_is_a_whole_quarter_of_a_turn_where_the_zero_is_within_its_tolerance_of_it() -> None:
-    reading = CommandReading("q", (), (), np.eye(3), zeros=(0, 1, 2))
-    hint = reading.words(np.array([-1.5645, 0.35, -1.5645]), np.array([True, True, False]))[1]
+    reading = CommandReading((), (), np.eye(3), zeros=(0, 1, 2))
+    hint = reading.words(np.array([-1.5645, 0.35, -1.5645]), np.array([True, True, False])).hint
     assert hint == "add -1.5708 to q1 (-90 degrees), then add 0.35 to q2, then add -1.5645 to q3"
 
 

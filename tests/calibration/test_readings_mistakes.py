@@ -16,7 +16,7 @@ from virtual_instruments import Seen, bed, camera, cup, laser, level, read, wire
 import gtpin
 from gtpin.calibration.checks.instruments import Misfit, check_fitted
 from gtpin.calibration.problem import with_unknowns
-from gtpin.data.duplicates import counted_once
+from gtpin.data.plausible import counted_once
 from gtpin.errors import DatasetError, GtpinError
 from gtpin.instruments.readings import Readings, instruments_of, single
 from gtpin.kinematics.poses import Poses

@@ -124,7 +124,7 @@ MISTAKES = {
 def found(robot, data):
     model = nominal(robot)
     poses = model.kinematics.forward(data.q)
-    looks = recognised(model, poses, measured_poses(data), free=data.instrument.frame == "free")
+    looks = recognised(model, poses, measured_poses(data), data.instrument)
     return looks and f"{looks.looks}; {looks.hint}"
 
 

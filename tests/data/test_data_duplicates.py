@@ -10,7 +10,7 @@ import pytest
 
 import gtpin
 from gtpin.bench.simulator import simulate
-from gtpin.data.duplicates import command_steps, copies
+from gtpin.data.plausible import command_steps, copies
 
 POSES, VISITS, SETS = 96, 3, 200
 UM = 1e-6

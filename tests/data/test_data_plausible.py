@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 
 import gtpin
-from gtpin.data import (
-    Commands,
-    Dataset,
-    check_commands,
-    without_whole_turns,
-)
+from gtpin.data import Commands, Dataset
 from gtpin.errors import DatasetError, GtpinWarning
+from gtpin.robot.command_ranges import check_commands, without_whole_turns
 from gtpin.robot.library import load_robot
 
 N = 60

@@ -163,11 +163,11 @@ def test_derivatives_by_a_calibration_s_unknowns_are_those_at_the_displaced_pose
     drift = Hypothesis(effects_by_id()["tracker_drift"], "frame")
     problem = JointProblem.of(replace(observed, free_frame=True), start, [drift], [200.0], references)
     x = np.zeros(problem.size)
-    x[problem.calibration.size :] = 2.0  # far: 0.1 rad and more
-    x[problem.calibration.size - 6 : problem.calibration.size] = 0.02
+    x[len(problem.first) :] = 2.0  # far: 0.1 rad and more
+    x[len(problem.first) - 6 : len(problem.first)] = 0.02
     point = problem.point(x)
-    found = problem.jacobian(point, slice(None))[:, :, : problem.calibration.size]
-    unknowns = range(problem.calibration.size - 6, problem.calibration.size)  # the instrument's pose
+    found = problem.jacobian(point, slice(None))[:, :, : len(problem.first)]
+    unknowns = range(len(problem.first) - 6, len(problem.first))  # the instrument's pose
     for column in unknowns:
         step = np.zeros(problem.size)
         step[column] = 1e-4
@@ -208,7 +208,7 @@ def differences(found: Any, step: float) -> np.ndarray:
 def test_the_derivative_of_an_arms_joint_fit_is_that_of_finite_differences(fits: list[Any]) -> None:
     gtpin.diagnose(make_case(31, effects=ARM, noncentrality=ENERGY, poses=80, robot="ur5").dataset)
     found = fits[-1]
-    assert len(found.point.x) > found.problem.calibration.size
+    assert len(found.point.x) > len(found.problem.first)
     # Rounding moves differences over steps h by about 1e-9 / h of their size: 1e-3 is too near the bound.
     J, exact = found.problem.jacobian(found.point, slice(None)), differences(found, 1e-2)
     size = np.abs(J).max(axis=0)

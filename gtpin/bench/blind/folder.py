@@ -15,9 +15,9 @@ import numpy as np
 from pydantic import ValidationError
 
 import gtpin
-from gtpin.bench.blind.truth import DIGEST, Truth, digest_of, digest_of_files, files_of
+from gtpin.bench.blind.truth import DIGEST, UNFINISHED, Truth, digest_of, digest_of_files, files_of, placed_file
 from gtpin.bench.blind.worker import Outcome
-from gtpin.data.files import UNFINISHED, placed_file, write_table
+from gtpin.data.files import write_table
 from gtpin.data.names import ORIENTATION, POSITION
 from gtpin.data.table import Column
 from gtpin.errors import GtpinError

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
-from collections.abc import Mapping
+import os
+import uuid
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
-from gtpin.data.files import placed_file, read_bytes
-from gtpin.errors import GtpinError
+from gtpin.data.files import read_bytes
+from gtpin.errors import DatasetError, GtpinError
 from gtpin.output.ownership import MARKER
+from gtpin.output.results import writing
 from gtpin.typing import Floats
 
 Kind = Literal["one", "none", "unlisted", "two", "three", "known_and_unlisted", "rough", "power", "many"]
@@ -122,8 +126,26 @@ class SealError(GtpinError):
     """The truth is missing, or its digest is not the published one."""
 
 
+UNFINISHED = ".gtpin-"
+"""Prefix of the names of files that are being written."""
 DIGEST = "truth.sha256"
 """File in a case's folder with the digest of its truth."""
+
+
+@contextlib.contextmanager
+def placed_file(target: Path) -> Iterator[Path]:
+    """Give a temporary file in the folder of `target`, and rename it to `target` if the block ends without an error.
+
+    For files inside a folder that is gtpin's own as a whole: what is there already is replaced.
+    """
+    unfinished = target.with_name(f"{UNFINISHED}{uuid.uuid4().hex}{target.suffix}")
+    try:
+        with writing(target, DatasetError):
+            yield unfinished
+            os.replace(unfinished, target)
+    finally:
+        with contextlib.suppress(OSError):
+            unfinished.unlink()
 
 
 def seal(truth: Truth, case: Path, file: Path) -> None:

@@ -14,17 +14,16 @@ from gtpin.calibration.checks.before_fit import check_moved, check_other_reading
 from gtpin.calibration.checks.declared_noise import settled_or_explained, with_credible_noise
 from gtpin.calibration.checks.payload import check_payload
 from gtpin.calibration.checks.prior_conflict import without_prior_conflict
-from gtpin.calibration.checks.readings import misread, rotation_readings
-from gtpin.calibration.checks.recognise import either
+from gtpin.calibration.checks.readings import either, misread, rotation_readings
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.gauss_newton import Fit
 from gtpin.calibration.observability import UNSEEN
-from gtpin.calibration.problem import Measured, Point, Problem
+from gtpin.calibration.problem import Measured, Point
 from gtpin.calibration.robust_fit import RobustFit
 from gtpin.data import Dataset
-from gtpin.data.duplicates import command_steps
 from gtpin.data.files import warn_of
 from gtpin.data.names import ORIENTATION
+from gtpin.data.plausible import command_steps
 from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings
@@ -258,12 +257,11 @@ def _warn_of_deviations(settled: FitState) -> None:
         warn(f"{text}: {hint}; an effect that the geometry absorbs can be the reason too")
     if names := suspected.far_from_declared(readings.deviation, [one.name for one in readings.unknowns], "sigmas"):
         hint = "correct what it declares, or give larger prior sigmas"
-        warn(
-            f"unknowns more than {limits.FAR_FROM_PRIOR:g} prior sigmas from what dataset.toml declares: {names}: {hint}"
-        )
+        far = f"unknowns more than {limits.FAR_FROM_PRIOR:g} prior sigmas from what dataset.toml declares"
+        warn(f"{far}: {names}: {hint}")
 
 
-def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> None:
+def check_convention(dataset: Dataset, fit: Fit, sigmas: Floats) -> None:
     """Suspect orientations that fit far better when they are read by another convention of rotations.
 
     ``dataset``: the rows of the fit, used or not. ``sigmas`` (2,): the noise of the fit, m and rad.
@@ -290,7 +288,7 @@ def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> Non
     rotation = Rotation.from_matrix(some.R)
     as_is, *other_axes = rotation_readings(rotation, turned=True)
     readings = [as_is, *misread(rotation), *other_axes]
-    vectors = log(np.stack([reading.R for reading in readings]) @ np.swapaxes(predicted.R, 1, 2))
+    vectors = log(np.stack([R for _, R in readings]) @ np.swapaxes(predicted.R, 1, 2))
     both = np.concatenate([np.broadcast_to(some.T - predicted.T, vectors.shape), vectors], axis=2)
     r = np.einsum("nij,knj->kni", problem.whitening, both, optimize=True).reshape(len(readings), -1) * weight
     # (k, 2) sums of squares of the position and orientation residuals that each of k readings leaves after the fit.
@@ -299,8 +297,9 @@ def check_convention(dataset: Dataset, fit: Fit[Problem], sigmas: Floats) -> Non
     least = min(others)
     if not (least < limits.CONVENTION_LEFT * now and least < now - limits.CONVENTION_GAIN):
         return
-    found = [reading for value, reading in zip(others, readings[1:], strict=True) if value <= limits.AS_GOOD * least]
-    looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in found), strict=True))
+    tried = zip(others, readings[1:], strict=True)
+    found = [reading for value, (reading, _) in tried if value <= limits.AS_GOOD * least]
+    looks, hints = either(found)
     of_each = (sigmas * np.sqrt(sums / (3.0 * fit.weight[rows].sum()))).tolist()
     before, after = (tuple(of_each[i]) for i in (0, 1 + others.index(least)))
     error = DatasetError(looks, file=dataset.file, column=" ".join(ORIENTATION), hint=hints)

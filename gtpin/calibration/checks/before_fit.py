@@ -6,7 +6,7 @@ This includes positions that are in another unit than metres in a part of the ro
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,11 +26,10 @@ from gtpin.calibration.problem import (
     with_free_target,
     with_target,
 )
-from gtpin.data import Dataset, InstrumentSection, check_commands, without_whole_turns
-from gtpin.data.duplicates import counted_once, with_rounding
+from gtpin.data import Dataset, InstrumentSection
 from gtpin.data.files import warn_of
 from gtpin.data.names import ORIENTATION
-from gtpin.data.plausible import check_actuators, check_extremes, named_poses, sane_rows
+from gtpin.data.plausible import check_extremes, counted_once, named_poses, sane_rows, with_rounding
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.frame_and_target import MEDIAN, nearest
 from gtpin.instruments.readings import Readings, single
@@ -41,6 +40,7 @@ from gtpin.model.model import Frame, Model
 from gtpin.noise import weights
 from gtpin.noise.noise import Noise
 from gtpin.robot.chain import Chain
+from gtpin.robot.command_ranges import check_actuators, check_commands, without_whole_turns
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats, Mask
 
@@ -159,9 +159,8 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
     if outside.any():
         warn(f"set aside, outside the measured tracks: poses {', '.join(dataset.names_of(outside))}")
         if outside.all():
-            raise DatasetError(
-                "no pose lies within the measured tracks", file=dataset.file, hint="measure them farther"
-            )
+            hint = "measure them farther"
+            raise DatasetError("no pose lies within the measured tracks", file=dataset.file, hint=hint)
         poses.T[outside], poses.R[outside] = poses.T[~outside][0], poses.R[~outside][0]
     if geometry.positions_only:
         dataset = replace(dataset, orientation=None)
@@ -172,9 +171,8 @@ def plausible_rows(dataset: Dataset, nominal: Model, poses: Poses) -> Mask:
         check_other_readings(dataset, nominal, poses, ~outside)
 
     def doubt(error: DatasetError, corrected: Dataset) -> None:
-        suspect(
-            error, dataset, *(left_after_fit(nominal, measured_poses(d), d.instrument) for d in (dataset, corrected))
-        )
+        left = (left_after_fit(nominal, measured_poses(d), d.instrument) for d in (dataset, corrected))
+        suspect(error, dataset, *left)
 
     try:
         check_commands(dataset, robot, doubt)
@@ -202,8 +200,7 @@ def check_other_readings(
     fit of them has failed.
     """
     instrument, measured = dataset.instrument, measured_poses(dataset.take(rows))
-    target: Literal["free"] | None = "free" if instrument.target == "free" else None
-    looks = recognised(nominal, poses[rows], measured, free=instrument.frame == "free", target=target, failed=failed)
+    looks = recognised(nominal, poses[rows], measured, instrument, failed=failed)
     if looks is None:
         return
     error = DatasetError(looks.looks, file=dataset.file, column=looks.columns, hint=looks.hint)
@@ -230,9 +227,8 @@ def check_moved(dataset: Dataset, geometry: Geometry, nominal: Geometry, near: P
         what = f"the fit moves {far}, farther than any machine of this kind is off: the data are not this robot's"
         hint = "check the robot's file and tcp, units and signs of q1 .. qn and of what was measured, where instruments stood"
         if far.startswith("platform."):
-            hint = (
-                'if the target does not sit at the TCP, set target = "free" under [instrument], or write where it sits'
-            )
+            target = 'if the target does not sit at the TCP, set target = "free" under [instrument]'
+            hint = f"{target}, or write where it sits"
         refuse(DatasetError(what, file=dataset.file, hint=hint), dataset)
 
 
@@ -315,10 +311,8 @@ def _part(T: Floats, poses: Poses, free: bool) -> tuple[Mask, str, float, float,
     least = max(limits.FEWEST_ROWS, int(np.ceil(0.1 * len(T))))
     if len(T) < 2 * least:
         return None
-    near = (
-        limits.ACCEPTED * float(np.median(np.linalg.norm(poses.T - np.median(poses.T, axis=0), axis=1)))
-        + limits.ALLOWED
-    )
+    size = float(np.median(np.linalg.norm(poses.T - np.median(poses.T, axis=0), axis=1)))
+    near = limits.ACCEPTED * size + limits.ALLOWED
     seen = _seen(T, poses, near) if free else poses.T
     off = _off(T, seen)
     fits = off[0] <= near

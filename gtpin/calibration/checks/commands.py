@@ -74,9 +74,8 @@ class CommandSearch:
 
     def _few(self, count: int) -> Measured:
         """Some of the rows."""
-        return self.measured.take(
-            np.linspace(0, len(self.measured.T) - 1, min(len(self.measured.T), count)).astype(int)
-        )
+        rows = len(self.measured.T)
+        return self.measured.take(np.linspace(0, rows - 1, min(rows, count)).astype(int))
 
     def _residuals(self, measured: Measured, matrices: Floats, zeros: Floats, rounds: int) -> Floats:
         """(K, N, c) measured less predicted poses with K readings of the commands, m; NaN where one can't be reached.
@@ -108,9 +107,8 @@ class CommandSearch:
             r = T - f - at @ np.swapaxes(F, 1, 2)
             off = np.linalg.norm(r, axis=2, keepdims=True)
             off = np.where(reached[..., None], off, np.nan)
-            weight = np.nan_to_num(
-                1.0 / np.maximum(off / np.maximum(np.nanmedian(off, axis=1, keepdims=True), 1e-9), 1.0)
-            )
+            middle = np.maximum(np.nanmedian(off, axis=1, keepdims=True), 1e-9)
+            weight = np.nan_to_num(1.0 / np.maximum(off / middle, 1.0))
         if R is not None:
             seen = F[:, None] @ turned
             X = nearest((np.swapaxes(seen, 2, 3) @ R).sum(axis=1))[:, None] if self.free_target else np.eye(3)

@@ -12,7 +12,7 @@ import numpy as np
 from gtpin.calibration.checks import limits
 from gtpin.calibration.fit_state import FitState
 from gtpin.calibration.robust_fit import RobustFit
-from gtpin.data.read_instruments import SIGMAS as COLUMNS
+from gtpin.data.names import SIGMAS as COLUMNS
 from gtpin.distributions import chi2
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings

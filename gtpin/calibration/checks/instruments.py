@@ -9,21 +9,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtpin.calibration.checks import limits
-from gtpin.calibration.checks.readings import UNITS, OfTable, table_readings
+from gtpin.calibration.checks.readings import UNITS, Reading, table_readings
 from gtpin.calibration.checks.recognise import Interpretation, recognised
 from gtpin.calibration.checks.suspected import NO_FIT, Size, refuse, suspect
 from gtpin.calibration.problem import Measured, with_unknowns
 from gtpin.data import Dataset
-from gtpin.data.instrument_tables import (
-    PlaneTable,
-    TrackerTable,
-)
-from gtpin.data.names import ORIENTATION, POSITION
+from gtpin.data.instrument_tables import PlaneTable, TrackerTable
 from gtpin.errors import ConvergenceError, DatasetError, warn
 from gtpin.instruments.readings import Readings, instruments_of
 from gtpin.instruments.socket import Socket
+from gtpin.instruments.tracker import Tracker
 from gtpin.kinematics.poses import Poses
-from gtpin.kinematics.rotations import from_quaternions
 from gtpin.model.model import Model
 from gtpin.robot.chain import Chain
 
@@ -35,11 +31,11 @@ LOOK = "check the order of q1 .. qn, that rows have their own commands, units, a
 class Misfit:
     """Errors of an instrument's readings relative to the nominal robot, with the unknowns' values that fit best.
 
-    ``off``: largest median error of its components, by unit: m and rad. ``deviation``: largest deviation of an unknown with a
-    prior, in prior sigmas.
+    ``off``: largest median error of its components, m and rad. ``deviation``: largest deviation of an unknown with a prior, in
+    prior sigmas.
     """
 
-    off: dict[str, float]
+    off: Size
     deviation: float
 
     @staticmethod
@@ -48,7 +44,7 @@ class Misfit:
         one, rows = readings.instruments[index], readings.rows
         mine = rows.rows_of(index)
         residual = np.abs(readings.residual_at(poses)[mine])
-        off = {component.unit: 0.0 for component in one.components}
+        off = {"m": 0.0, "rad": 0.0}
         for k, component in enumerate(one.components):
             single = readings.components == 1 and len(one.components) > 1
             own = residual[rows.component[mine] == k, 0] if single else residual[:, k]
@@ -56,21 +52,20 @@ class Misfit:
                 size = float(np.median(own))
                 off[component.unit] = max(off[component.unit], size if np.isfinite(size) else np.inf)
         deviation = [abs(u) / o.sigma for u, o in zip(readings.own(index), one.unknowns, strict=True)]
-        return Misfit(off, max(deviation, default=0.0))
+        return Misfit((off["m"], off["rad"]), max(deviation, default=0.0))
 
     def exceeds(self, reach: float, share: float = 1.0) -> bool:
         """Whether errors are larger than a share of those of robots within their tolerances, which move the TCP by ``reach``,
         m, and turn it by 0.2 rad at most (assumed)."""
-        return self.off.get("m", 0.0) > share * reach or self.off.get("rad", 0.0) > share * 0.2
+        return self.off[0] > share * reach or self.off[1] > share * 0.2
 
     @property
     def size(self) -> float:
         """The largest of the errors, in the usual error of a nominal robot (1 mm, 1 mrad), and of ``deviation``."""
-        return max(*(off / 1e-3 for off in self.off.values()), self.deviation)
+        return max(max(self.off) / 1e-3, self.deviation)
 
     def __str__(self) -> str:
-        unit = max(self.off, key=lambda unit: self.off[unit])
-        return f"{1e3 * self.off[unit]:.3g} {'mm' if unit == 'm' else 'mrad'}"
+        return f"{1e3 * max(self.off):.3g} {'mm' if self.off[0] >= self.off[1] else 'mrad'}"
 
 
 def check_readable(
@@ -116,18 +111,13 @@ def check_readable(
 
 def _recognised(readings: Readings, nominal: Model, poses: Poses, index: int) -> Interpretation | None:
     """The usual mistake in commands or poses with which the readings of a tracker of a single target fit the nominal robot."""
-    rows, table = readings.rows, readings.rows.tables[index]
-    mine = rows.rows_of(index)
-    if not isinstance(table, TrackerTable) or table.stations or table.targets or (rows.component[mine] >= 0).any():
+    one, table, mine = readings.instruments[index], readings.rows.tables[index], readings.rows.rows_of(index)
+    if not isinstance(one, Tracker) or not isinstance(table, TrackerTable) or table.stations or table.targets:
         return None
-    T, quaternions = (
-        np.column_stack([rows.columns[name][mine] for name in names]) if names[0] in rows.columns else None
-        for names in (POSITION, ORIENTATION)
-    )
-    assert T is not None
-    measured = Measured(readings.q[mine], T, None if quaternions is None else from_quaternions(quaternions))
-    target = None if table.target == "tcp" else table.target
-    return recognised(nominal, poses[mine], measured, free=table.frame == "free", target=target)
+    if (readings.rows.component[mine] >= 0).any():
+        return None
+    measured = Measured(readings.q[mine], one.positions, one.rotations)
+    return recognised(nominal, poses[mine], measured, table)
 
 
 def check_heights(
@@ -155,12 +145,11 @@ def check_heights(
                 break
 
 
-def _error(dataset: Dataset, readings: Readings, index: int, other: OfTable, by: str) -> DatasetError:
+def _error(dataset: Dataset, readings: Readings, index: int, other: Reading, by: str) -> DatasetError:
     """The error of an instrument that must be read in another way. ``by``: what shows it."""
     what = f"{readings.instruments[index].name}: {other.looks} ({by})"
-    column = " ".join(other.columns) or f"instrument.{index}.{next(iter(other.said))}"
-    where = readings.rows.files[index] if other.columns else dataset.toml
-    return DatasetError(what, file=where, column=column, hint=other.hint)
+    where = dataset.toml if other.columns.startswith("instrument.") else readings.rows.files[index]
+    return DatasetError(what, file=where, column=other.columns, hint=other.hint)
 
 
 @contextlib.contextmanager
@@ -172,9 +161,8 @@ def explained(readings: Readings, poses: Poses) -> Iterator[None]:
         numbers, unknowns = len(readings.rows) * readings.components, len(readings.unknowns)
         if numbers <= unknowns:
             what = f"the fit does not converge: {numbers} readings for {unknowns} unknowns of the instruments alone"
-            raise DatasetError(
-                what, file=readings.rows.files[0], hint="measure more, or give smaller prior sigmas"
-            ) from None
+            hint = "measure more, or give smaller prior sigmas"
+            raise DatasetError(what, file=readings.rows.files[0], hint=hint) from None
         found = [Misfit.of(readings, poses, i) for i in range(len(readings.instruments))]
         worst = max(range(len(found)), key=lambda i: found[i].size)
         if found[worst].size < limits.READ_BETTER:
@@ -191,7 +179,7 @@ def check_fitted(dataset: Dataset, readings: Readings, poses: Poses, reach: floa
     """
     for i, one in enumerate(readings.instruments):
         now, was = Misfit.of(readings, poses, i), before[i]
-        worse = any(off > limits.READ_BETTER * was.off[unit] for unit, off in now.off.items())
+        worse = any(off > limits.READ_BETTER * before for off, before in zip(now.off, was.off, strict=True))
         if now.exceeds(limits.READ_LEFT * reach) or (worse and now.exceeds(reach, limits.READ_SUSPECT)):
             what = f"readings of {one.name} are {now} off what the calibrated robot gives"
             what += f", and {was} off what the nominal robot gives" if worse else ""
@@ -202,38 +190,31 @@ def _size(misfit: Misfit | None) -> Size:
     """Residuals after a fit; `NO_FIT` where it failed, or needs unknowns more than 30 sigmas from what is declared."""
     if misfit is None or misfit.deviation > 30.0:
         return NO_FIT
-    return misfit.off.get("m", 0.0), misfit.off.get("rad", 0.0)
+    return misfit.off
 
 
 def _read_otherwise(
     readings: Readings, poses: Poses, index: int, *, varied: bool = True
-) -> Iterator[tuple[Misfit, Readings, OfTable]]:
+) -> Iterator[tuple[Misfit, Readings, Reading]]:
     """The readings with an instrument that is read in other ways, each with its misfit, without those that are not accepted.
 
     ``varied``: whether numbers that get smaller must still vary by more than the nominal robot's errors.
     """
     rows, unit = readings.rows, readings.instruments[index].components[0].unit
     mine = rows.rows_of(index)
-    for other in table_readings(rows, index, unit):
-        columns, smaller, spread = dict(rows.columns), False, 0.0
-        for name, (of, factor) in other.columns.items():
-            column = np.array(rows.columns[name], dtype=float)
-            before = float(np.std(column[mine]))
-            column[mine] = factor * np.array(rows.columns[of][mine], dtype=float)
-            columns[name] = column
-            if abs(factor) != 1.0:
-                after = float(np.std(column[mine]))
-                smaller, spread = smaller or after < 0.5 * before, max(spread, after)
-        table = rows.tables[index].model_copy(update=dict(other.said))
-        tables = (*rows.tables[:index], table, *rows.tables[index + 1 :])
+    for other, read in table_readings(rows, index, unit):
+        columns = [name for name in other.columns.split() if name in rows.columns]
+        before, after = (
+            max((float(np.std(r.columns[name][mine])) for name in columns), default=0.0) for r in (rows, read)
+        )
         try:
-            found = replace(readings, rows=replace(rows, tables=tables, columns=columns), u=np.zeros(0))
+            found = replace(readings, rows=read, u=np.zeros(0))
             found = found.at(np.zeros(len(found.unknowns)))
             found = with_unknowns(found.at(found.start(poses)), poses)
             misfit = Misfit.of(found, poses, index)
         except (DatasetError, np.linalg.LinAlgError):
             continue
-        if not (varied and smaller and misfit.off[unit] > limits.VARIATION * spread):
+        if not (varied and after < 0.5 * before and misfit.off[unit == "rad"] > limits.VARIATION * after):
             yield misfit, found, other
 
 
@@ -245,9 +226,8 @@ def check_sockets(dataset: Dataset, robot: Chain) -> None:
     Raises `DatasetError` if no socket is visited twice, and nothing is known of any.
     """
     rows = dataset.readings
-    for i, one in enumerate(instruments_of(rows, robot)):
-        if not isinstance(one, Socket):
-            continue
+    sockets = ((i, one) for i, one in enumerate(instruments_of(rows, robot)) if isinstance(one, Socket))
+    for i, one in sockets:
         counts = np.bincount(one.socket, minlength=len(one.names))
         known = {*one.table.sockets, *(name for distance in one.table.distances for name in distance[:2])}
         once = [name for k, name in enumerate(one.names) if counts[k] == 1 and name not in known]
@@ -298,9 +278,9 @@ def check_distances(dataset: Dataset, robot: Chain, poses: Poses, reach: float) 
             if missed.size and np.median(missed) > reach:  # something else is wrong than their distance
                 continue
             like = [(unit, factor) for unit, factor in UNITS if abs(given * factor - found) < min(reach, 0.2 * found)]
-            hint = (
-                f"it looks like {like[0][0]}: multiply by {like[0][1]:g}" if like else "check it, and the rows' sockets"
-            )
+            hint = "check it, and the rows' sockets"
+            if like:
+                hint = f"it looks like {like[0][0]}: multiply by {like[0][1]:g}"
             what = f"{one.name}: {a} and {b} are {given:.6g} m apart here, for the nominal robot {found:.3g} m"
             column = f"instrument.{i}.distances.{k}"
             refuse(DatasetError(what, file=dataset.toml, column=column, hint=hint), dataset)

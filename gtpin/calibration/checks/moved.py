@@ -46,15 +46,11 @@ def check_stretch(dataset: Dataset, measured: Measured, predicted: Poses, far: M
     first, last = part.start, part.stop - 1
     off = np.linalg.norm(measured.T - predicted.T, axis=1)
     usual, before = float(np.nanmedian(off[~far])) if not far.all() else 0.0, float(np.nanmedian(off[part]))
-    mended = max(
-        0.1 * before, 3.0 * usual
-    )  # a neighbour's command or a moved frame explains the whole error or nothing
+    # A neighbour's command or a moved frame explains the whole error or nothing.
+    mended = max(0.1 * before, 3.0 * usual)
     file, row, rows = dataset.file, int(dataset.row[first]), f"rows {dataset.row[first]} to {dataset.row[last]}"
-    for by, neighbour in (
-        (1, "before"),
-        (-1, "after"),
-    ):  # shift of the commands, and the row from which each row has them
-        inner = slice(first + 1, last)  # the ends have no neighbour in the stretch
+    inner = slice(first + 1, last)  # the ends have no neighbour in the stretch
+    for by, neighbour in ((1, "before"), (-1, "after")):  # shift of the commands, and the row from which each has them
         left = _median_off(measured.T[inner], np.roll(predicted.T, by, axis=0)[inner])
         if left < mended:
             what = f"the commands look one row off in {rows}: what was measured there fits the commands of the row {neighbour}"

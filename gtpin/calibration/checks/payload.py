@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from gtpin.calibration.gauss_newton import Fit
-from gtpin.calibration.problem import Problem
 from gtpin.data import Dataset
 from gtpin.data.files import warn_of
 from gtpin.kinematics.rotations import frame_motions
@@ -48,7 +47,7 @@ def _ways(column: Floats) -> Iterator[Way]:
         yield looks, hint, 0.0, factor
 
 
-def check_payload(dataset: Dataset, fit: Fit[Problem]) -> None:
+def check_payload(dataset: Dataset, fit: Fit) -> None:
     """Suspect recorded payloads with which compliant joints explain the residuals of a fit far worse than by another reading.
 
     Each joint of a robot without rods may give way about three axes (along three where it slides), in the direction of its

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain, combinations, permutations, product
 from typing import Any, Final, Literal
@@ -48,28 +48,21 @@ class Reading:
     """A way to read columns: as they are, or with a mistake corrected.
 
     ``looks``, ``hint``: texts for a message: what the columns look like, and what the user should do; empty where nothing is
-    changed. ``mistakes``: number of mistakes that it assumes.
+    changed. ``mistakes``: number of mistakes that it assumes. ``columns``: those that have the mistake.
     """
 
     looks: str
     hint: str
     mistakes: int = 1
+    columns: str = ""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Positions(Reading):
-    """A way to read x y z: the position is ``matrix @ (x, y, z)``, m; ``axes``: (3, 3) the signed permutation in ``matrix``."""
-
-    matrix: Floats
-    axes: Floats
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rotations(Reading):
-    """A way to read rotations: ``R`` (N, 3, 3). ``of_target``: whether only the target's axes on the platform are others."""
-
-    R: Floats
-    of_target: bool = False
+def either(readings: Sequence[Reading]) -> tuple[str, str]:
+    """What the columns look like and the hints, where each of some readings is possible; of many the first ones are named."""
+    different = (list(dict.fromkeys(words)) for words in zip(*((r.looks, r.hint) for r in readings), strict=True))
+    # Of a delta, four are usual: three swaps and a frame.
+    looks, hint = ("; or ".join([*words[:4], *["something alike"] * (len(words) > 4)]) for words in different)
+    return looks, hint
 
 
 @cache
@@ -80,8 +73,8 @@ def signed_permutations() -> tuple[Floats, ...]:
     return tuple(sorted(found, key=lambda m: int((m != ONE).sum()) - 3 * int((m == -ONE).all())))
 
 
-def position_readings(*, turned: bool, alone: bool = False) -> Iterator[Positions]:
-    """Ways to read x y z.
+def position_readings(*, turned: bool, alone: bool = False) -> Iterator[tuple[Reading, Floats]]:
+    """Ways to read x y z, each with the matrix (3, 3) that gives the position, m; its signs are the axes' signed permutation.
 
     ``turned``: a rotation of the frame is fitted as well. Then, of ways that differ by a rotation, only one is given.
     ``alone``: there are no orientations. Then, of a frame that turns, only the handedness shows.
@@ -100,37 +93,39 @@ def position_readings(*, turned: bool, alone: bool = False) -> Iterator[Position
         for unit, factor in (("", 1.0), *UNITS):
             words = [*looks, *[f"x y z look like {unit}"][: len(unit)]]
             hints = [*hint, *[f"multiply x, y and z by {factor:g}"][: len(unit)]]
-            yield Positions(" and ".join(words), ", ".join(hints), len(words), matrix=factor * s, axes=s)
+            yield Reading(" and ".join(words), ", ".join(hints), len(words), "x y z" if words else ""), factor * s
     for some in (c for size in (1, 2) for c in combinations(range(3), size)):
         for unit, factor in UNITS[:4]:
             scale = np.eye(3)
             scale[some, some] = factor
             names = " and ".join(AXES[i] for i in some)
             looks_like = f"{names} look{'s' if len(some) == 1 else ''} like {unit} beside metres"
-            yield Positions(looks_like, f"multiply {names} by {factor:g}", matrix=scale, axes=ONE)
+            yield Reading(looks_like, f"multiply {names} by {factor:g}", columns="x y z"), scale
 
 
-def rotation_readings(rotation: Rotation, axes: Floats = ONE, *, turned: bool) -> Iterator[Rotations]:
-    """Ways to read N quaternions, the first as they are, the usual mistakes next, without those of :func:`misread`.
+def rotation_readings(
+    rotation: Rotation, axes: Floats = ONE, *, turned: bool, fixed_target: bool = True
+) -> Iterator[tuple[Reading, Floats]]:
+    """Ways to read N quaternions, with the rotations (N, 3, 3): as they are, then usual mistakes, but for :func:`misread`.
 
     ``axes``: (3, 3) how the axes of the positions are read. ``turned``: a rotation of the frame is fitted as well. Then ways
-    that only rotate the frame are left out.
+    that only rotate the frame are left out. ``fixed_target``: whether other axes of the target count as a mistake.
     """
     as_is, wxyz = rotation.as_matrix(), rotation.as_quat(scalar_first=True)
-    yield Rotations("", "", 0, R=as_is)
+    yield Reading("", "", 0), as_is
     looks, hint = "the orientations look inverted (conjugated)", "change the signs of qx, qy and qz"
-    yield Rotations(looks, hint, R=rotation.inv().as_matrix())
+    yield Reading(looks, hint), rotation.inv().as_matrix()
     # (With the scalar first, other orders of the vector part are other axes.)
     for parts in ("xyzw", *("".join(parts) for parts in permutations("wxyz") if parts[0] != "w")):
         read = wxyz[:, [parts.index(part) for part in "wxyz"]]
         hint = "give qw qx qy qz in that order of meaning, scalar first"
-        yield Rotations(order_looks(parts), hint, R=from_quaternions(read))
+        yield Reading(order_looks(parts), hint), from_quaternions(read)
     handed = np.linalg.det(axes) * axes
     for vector in signed_permutations()[2:]:
         with_axes = bool((vector == handed).all()) and not (axes == ONE).all()
         looks = f"qx qy qz look {'to be so too' if with_axes else 'to be along other axes'}"
         read = from_quaternions(np.hstack([wxyz[:, :1], wxyz[:, 1:] @ vector.T]))
-        yield Rotations(looks, f"write {_assigned(vector, ORIENTATION[1:])}", int(not with_axes), R=read)
+        yield Reading(looks, f"write {_assigned(vector, ORIENTATION[1:])}", int(not with_axes)), read
     for s in signed_permutations()[1:]:
         if np.linalg.det(s) < 0.0:
             continue
@@ -140,21 +135,21 @@ def rotation_readings(rotation: Rotation, axes: Floats = ONE, *, turned: bool) -
             if not same:
                 looks = "the orientations look to be in a frame of other axes than the base's"
                 hint = f"turn them by {_turn(s)}, on the left"
-            yield Rotations(looks, hint, int(not same), R=s @ as_is)
-        looks = "the target's axes look to be others than the TCP's"
-        yield Rotations(looks, f"turn the orientations by {_turn(s)}, on the right", R=as_is @ s, of_target=True)
+            yield Reading(looks, hint, int(not same)), s @ as_is
+        if fixed_target:
+            looks = "the target's axes look to be others than the TCP's"
+            yield Reading(looks, f"turn the orientations by {_turn(s)}, on the right"), as_is @ s
 
 
 def order_looks(parts: str) -> str:
     """What quaternions look like whose four columns have the content ``parts``, such as ``xyzw``, and not ``wxyz``."""
     part = next(part for part, there in zip("wxyz", parts, strict=True) if part != there)
-    return (
-        f"the measured orientation looks like {parts} quaternions, as if {part} were under q{'wxyz'[parts.index(part)]}"
-    )
+    under = "wxyz"[parts.index(part)]
+    return f"the measured orientation looks like {parts} quaternions, as if {part} were under q{under}"
 
 
-def misread(rotation: Rotation) -> Iterator[Rotations]:
-    """All mistakes between two conventions: three numbers of the one were converted by the other."""
+def misread(rotation: Rotation) -> Iterator[tuple[Reading, Floats]]:
+    """All mistakes between two conventions: three numbers of the one were converted by the other. As `rotation_readings`."""
     pairs: list[tuple[Convention, Convention, bool]] = [(*pair, True) for pair in permutations(BY_AXIS, 2)]
     for one, two in permutations(BY_ORDER, 2):
         if one.lower() != two.lower() or len(set(one)) < 3:  # else each number keeps its axis
@@ -163,7 +158,7 @@ def misread(rotation: Rotation) -> Iterator[Rotations]:
         numbers, read = _described(meant, by_axis), _described(taken, by_axis)
         looks = f"the orientations look like {numbers} that were read as {read}"
         R = reread(rotation, taken, meant, by_axis=by_axis).as_matrix()
-        yield Rotations(looks, f"compute qw qx qy qz again, from {numbers}", R=R)
+        yield Reading(looks, f"compute qw qx qy qz again, from {numbers}"), R
 
 
 def reread(rotation: Rotation, taken: Convention, meant: Convention, *, by_axis: bool) -> Rotation:
@@ -214,11 +209,9 @@ def _turn(s: Floats) -> str:
 class CommandReading:
     """A way to read commands: ``matrix @ q``, plus a fitted zero for each of the columns with the indices ``zeros``.
 
-    ``looks``, ``hints``: the mistakes in ``matrix``, each as the two texts of a message. ``columns``: those that are read in
-    another way.
+    ``looks``, ``hints``: the mistakes in ``matrix``, each as the two texts of a message.
     """
 
-    columns: str
     looks: tuple[str, ...]
     hints: tuple[str, ...]
     matrix: Floats
@@ -229,7 +222,7 @@ class CommandReading:
         """Number of mistakes that it assumes."""
         return len(self.looks) + len(self.zeros)
 
-    def words(self, z: Floats, revolute: Mask) -> tuple[str, str]:
+    def words(self, z: Floats, revolute: Mask) -> Reading:
         """What the commands look like and what the user should do, with zeros z (n,), m or rad."""
         looks, hints = list(self.looks), list(self.hints)
         for j in self.zeros:
@@ -240,7 +233,10 @@ class CommandReading:
             whole = degrees_off != 0.0 and abs(z[j] - np.radians(degrees_off)) < TOLERANCE["zero"]
             off = np.radians(degrees_off) if whole else z[j]
             hints.append(f"add {off:.6g} to q{j + 1}" + (f" ({degrees_off:+.0f} degrees)" if whole else ""))
-        return ", and ".join(looks), ", then ".join(hints)
+        other = (self.matrix != np.eye(len(z))).any(axis=1)
+        other[list(self.zeros)] = True
+        columns = " ".join(name for name, own in zip(command_names(len(z)), other, strict=True) if own)
+        return Reading(", and ".join(looks), ", then ".join(hints), self.mistakes, columns)
 
 
 def one_mistake(revolute: Mask) -> Iterator[CommandReading]:
@@ -259,23 +255,22 @@ def one_mistake(revolute: Mask) -> Iterator[CommandReading]:
             scale[some] = factor
             hint = f"change the sign of {columns}" if factor < 0.0 else f"multiply {columns} by {factor:.6g}"
             looks = f"{columns} {look} {'like ' if factor > 0.0 else ''}{unit}"
-            yield CommandReading(columns, (looks,), (hint,), np.diag(scale))
+            yield CommandReading((looks,), (hint,), np.diag(scale))
     for i, j in combinations(range(count), 2):
         order = np.arange(count)
         order[[i, j]] = j, i
         looks = f"{names[i]} and {names[j]} look swapped"
-        yield CommandReading(f"{names[i]} {names[j]}", (looks,), ("swap them",), one[order])
-    everything = " ".join(names)
+        yield CommandReading((looks,), ("swap them",), one[order])
     if count > 3:  # of three, the first and the last are swapped
-        yield CommandReading(everything, ("q1 .. qn look to be in reverse order",), ("reverse them",), one[::-1])
+        yield CommandReading(("q1 .. qn look to be in reverse order",), ("reverse them",), one[::-1])
     for by in (1, -1) if count > 2 else ():
         order = np.roll(range(count), by)
         hint = f"write ({', '.join(f'{names[i]} = {names[j]}' for i, j in enumerate(order))})"
-        yield CommandReading(everything, (f"{everything} look shifted by one",), (hint,), one[order])
+        yield CommandReading((f"{' '.join(names)} look shifted by one",), (hint,), one[order])
     for j in range(1, count):
         if revolute[j - 1 : j + 1].all():
             yield from (_of_two(count, (j - 1, j), (1, 1), coupling, ()) for coupling in (1, -1))
-    yield from (CommandReading(names[j], (), (), one, (j,)) for j in range(count))
+    yield from (CommandReading((), (), one, (j,)) for j in range(count))
 
 
 def several_mistakes(revolute: Mask) -> Iterator[CommandReading]:
@@ -304,50 +299,48 @@ def _of_two(
         matrix[pair[1], pair[0]] = coupling
         one, two = (names[j] for j in pair)
         total = f"{'-' * (signs[1] < 0)}{two} {'+' if coupling > 0 else '-'} {one}"
-        look = (
-            f"{two} looks counted from a fixed direction (as the horizontal) and not from the link before it: the joint"
-        )
-        looks.append(f"{look} turns by {total}")
+        look = f"{two} looks counted from a fixed direction (as the horizontal) and not from the link before it"
+        looks.append(f"{look}: the joint turns by {total}")
         hints = [*hints[: signs[0] < 0], f"write {total} under {two}"]
         if signs[0] < 0:
             hints[0], hints[-1] = f"{hints[-1]} ({one} as it is now)", hints[0]
-    changed = [names[j] for j in pair if j in zeros or (matrix[j] != np.eye(count)[j]).any()]
-    return CommandReading(" ".join(changed), tuple(looks), tuple(hints), matrix, zeros)
+    return CommandReading(tuple(looks), tuple(hints), matrix, zeros)
 
 
 LENGTHS = {TrackerTable: ("x", "y", "z"), RangeTable: ("range",), PlaneTable: ("height",)}
 """Columns of lengths."""
-TILTS: tuple[tuple[str, tuple[str, str], tuple[float, float]], ...] = (
-    ("tilt_x has the other sign", ("tilt_x", "tilt_y"), (-1.0, 1.0)),
-    ("tilt_y has the other sign", ("tilt_x", "tilt_y"), (1.0, -1.0)),
-    ("tilts have the other sign", ("tilt_x", "tilt_y"), (-1.0, -1.0)),
-    ("tilt_x and tilt_y are swapped", ("tilt_y", "tilt_x"), (1.0, 1.0)),
-    ("the sensor is mounted a quarter turn about its z", ("tilt_y", "tilt_x"), (-1.0, 1.0)),
-    ("the sensor is mounted a quarter turn about its z", ("tilt_y", "tilt_x"), (1.0, -1.0)),
+TILTS = (
+    ("tilt_x has the other sign", ("tilt_x", -1.0), ("tilt_y", 1.0)),
+    ("tilt_y has the other sign", ("tilt_x", 1.0), ("tilt_y", -1.0)),
+    ("tilts have the other sign", ("tilt_x", -1.0), ("tilt_y", -1.0)),
+    ("tilt_x and tilt_y are swapped", ("tilt_y", 1.0), ("tilt_x", 1.0)),
+    ("the sensor is mounted a quarter turn about its z", ("tilt_y", -1.0), ("tilt_x", 1.0)),
+    ("the sensor is mounted a quarter turn about its z", ("tilt_y", 1.0), ("tilt_x", -1.0)),
 )
-"""Message text, the columns that are read as tilt_x and tilt_y, and their signs."""
+"""Message text, and what is read as tilt_x and as tilt_y: a column and its sign."""
 Columns = dict[str, tuple[str, float]]
 """By a column's name, the column that is read in its place, and the factor by which its numbers are multiplied."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class OfTable(Reading):
-    """Another way to read an instrument's table.
-
-    ``columns``: columns that are read in another way; else the description is wrong. ``said``: other values of keys of the
-    description, the first of which is the wrong one.
-    """
-
-    columns: Columns = field(default_factory=dict)
-    said: Mapping[str, Any] = field(default_factory=dict)
-
-
-def table_readings(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[OfTable]:
+def table_readings(rows: InstrumentRows, index: int, unit_of_reading: str) -> Iterator[tuple[Reading, InstrumentRows]]:
     """Other ways to read an instrument's table: lengths in other units (columns, places and target, alone and together), signs.
 
-    ``index``: of the instrument. ``unit_of_reading``: unit of the instrument's first component, ``m`` or ``rad``.
+    ``index``: of the instrument. ``unit_of_reading``: unit of the instrument's first component, ``m`` or ``rad``. Each comes
+    with the rows that are read so; its ``columns`` is the key of dataset.toml where only the description is another one.
     """
     table, mine = rows.tables[index], rows.rows_of(index)
+
+    def read(
+        looks: str, hint: str, own: Columns, said: Mapping[str, Any] | None = None
+    ) -> tuple[Reading, InstrumentRows]:
+        columns = dict(rows.columns)
+        for name, (of, factor) in own.items():
+            columns[name] = np.array(rows.columns[name], dtype=float)
+            columns[name][mine] = factor * np.array(rows.columns[of][mine], dtype=float)
+        tables = (*rows.tables[:index], table.model_copy(update=dict(said or {})), *rows.tables[index + 1 :])
+        where = " ".join(own) or f"instrument.{index}.{next(iter(said or {}))}"
+        return Reading(looks, hint, columns=where), replace(rows, tables=tables, columns=columns)
+
     lengths = [name for name in LENGTHS.get(type(table), ()) if name in rows.columns]
     present = [name for name in lengths if np.isfinite(rows.columns[name][mine]).all()]
     keys = {key: key for key in ("stations", "planes", "sockets") if getattr(table, key, None)}
@@ -362,35 +355,32 @@ def table_readings(rows: InstrumentRows, index: int, unit_of_reading: str) -> It
         for some in chain.from_iterable(combinations(parts, count) for count in range(1, len(parts) + 1)):
             names = tuple(part[0] for part in some)
             verb = "looks" if names in (("range",), ("height",), ("the target",)) else "look"
-            columns = {name: read for _, own, _ in some for name, read in own.items()}
-            said = {key: value for *_, own in some for key, value in own.items()}
-            looks = f"{' and '.join(names)} {verb} like {unit}"
-            yield OfTable(looks, f"multiply by {factor:g}", columns=columns, said=said)
+            own = {name: way for _, columns, _ in some for name, way in columns.items()}
+            said = {key: value for *_, keys in some for key, value in keys.items()}
+            yield read(f"{' and '.join(names)} {verb} like {unit}", f"multiply by {factor:g}", own, said)
     if "height" in present:
         hint = "height is positive on the side that the normal points to: change its sign, or the normal's"
-        yield OfTable("heights are of the other side of the plane", hint, columns=_scaled(["height"], -1.0))
+        yield read("heights are of the other side of the plane", hint, _scaled(["height"], -1.0))
         hint = "multiply by 1000, if millimetres were converted twice"
-        yield OfTable("heights look a thousand times too small", hint, columns=_scaled(["height"], 1e3))
+        yield read("heights look a thousand times too small", hint, _scaled(["height"], 1e3))
     if isinstance(table, TiltTable):
         for unit, factor in (*DEGREES, ("mm/m", 1e-3)):
-            columns = _scaled(["tilt_x", "tilt_y"], factor)
-            yield OfTable(f"tilts look like {unit}", f"multiply by {factor:.6g}", columns=columns)
+            yield read(f"tilts look like {unit}", f"multiply by {factor:.6g}", _scaled(["tilt_x", "tilt_y"], factor))
         whose = f"the frame of {table.link}" if table.link else "the TCP frame"
         hint = f"tilt_x and tilt_y are along x and y of {whose}, positive where these point up"
-        for looks, (x, y), (sign_x, sign_y) in TILTS:
-            yield OfTable(looks, hint, columns={"tilt_x": (x, sign_x), "tilt_y": (y, sign_y)})
+        yield from (read(looks, hint, {"tilt_x": x, "tilt_y": y}) for looks, x, y in TILTS)
     if isinstance(table, EncoderTable):
         units = DEGREES if unit_of_reading == "rad" else UNITS
         for (sign, and_sign), (name, factor) in product(((1.0, ""), (-1.0, " of the other sign")), units):
-            looks, columns = f"readings look like {name}{and_sign}", _scaled(["reading"], sign * factor)
-            yield OfTable(looks, f"multiply by {sign * factor:.6g}", columns=columns)
+            hint, own = f"multiply by {sign * factor:.6g}", _scaled(["reading"], sign * factor)
+            yield read(f"readings look like {name}{and_sign}", hint, own)
         hint = "readings grow with the joint's coordinate as the URDF has it: multiply by -1"
-        yield OfTable("readings have the other sign", hint, columns=_scaled(["reading"], -1.0))
+        yield read("readings have the other sign", hint, _scaled(["reading"], -1.0))
         hint = "subtract the offset from the readings, or declare a larger zero_sigma"
-        yield OfTable("the zero is farther off than zero_sigma says", hint, said={"zero_sigma": 1e3})
+        yield read("the zero is farther off than zero_sigma says", hint, {}, {"zero_sigma": 1e3})
     if isinstance(table, TrackerTable) and "qw" in rows.columns:
-        read = {name: (of, 1.0) for name, of in zip(ORIENTATION, ("qz", "qw", "qx", "qy"), strict=True)}
-        yield OfTable("quaternions look like xyzw", "give qw qx qy qz, the real part first", columns=read)
+        own = {name: (of, 1.0) for name, of in zip(ORIENTATION, ("qz", "qw", "qx", "qy"), strict=True)}
+        yield read("quaternions look like xyzw", "give qw qx qy qz, the real part first", own)
 
 
 def _scaled(names: Sequence[str], factor: float) -> Columns:

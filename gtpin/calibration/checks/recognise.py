@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gtpin.calibration.checks import limits, readings
 from gtpin.calibration.checks.commands import CommandSearch
+from gtpin.calibration.checks.readings import Reading
 from gtpin.calibration.problem import Measured, rough_frame, without_target
-from gtpin.data.instrument_tables import Point
+from gtpin.data import InstrumentSection
+from gtpin.data.instrument_tables import TrackerTable
 from gtpin.data.names import ORIENTATION
 from gtpin.instruments.frame_and_target import frame_and_target, nearest
 from gtpin.kinematics.poses import Poses
@@ -26,17 +27,15 @@ _ELSEWHERE = ("the instrument looks to stand elsewhere than in the base frame", 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Interpretation(readings.Reading):
-    """A way to read the data, as they are or with mistakes corrected.
+class Interpretation(Reading):
+    """A way to read the data, compared with the nominal model.
 
-    - ``columns``: the columns that have the mistake.
     - ``measured``, ``poses``: the measured poses of the TCP, or of a free target, read in this way, and the TCP's poses that
       the nominal model predicts, base frame.
     - ``misfit``: median distance of the measured poses from the predicted ones, m.
     - ``elsewhere``: whether the instrument is assumed to stand elsewhere, though it is not declared free.
     """
 
-    columns: str
     measured: Measured
     poses: Poses
     misfit: float
@@ -47,9 +46,8 @@ def recognised(
     nominal: Model,
     poses: Poses,
     measured: Measured,
+    instrument: InstrumentSection | TrackerTable,
     *,
-    free: bool,
-    target: Literal["free"] | Point | None = None,
     failed: bool = False,
 ) -> Interpretation | None:
     """The usual mistake that makes data fit the nominal model; None where they fit without a correction, or no mistake fits.
@@ -60,12 +58,11 @@ def recognised(
     that are inverted or along other axes, Euler angles and rotation vectors; commands in another order, sign or unit, or
     shifted; an instrument at another place than the base frame's; a target at another place than the TCP.
 
-    ``poses``: (N) poses of the nominal model at the measured commands, base frame; NaN where it can't reach. ``free``: whether
-    the instrument's pose is declared unknown. ``target``: the declared place of the target, TCP frame, m; ``free``: unknown;
-    None: at the TCP.
+    ``poses``: (N) poses of the nominal model at the measured commands, base frame; NaN where it can't reach. ``instrument``:
+    what is declared of its frame and target.
     """
     some = np.linspace(0, len(poses) - 1, min(len(poses), 100)).astype(int)
-    search = Search(nominal, measured.take(some), poses[some], free, target, failed)
+    search = Search(nominal, measured.take(some), poses[some], instrument, failed)
     if search.size == 0.0 or (search.misfit <= search.accepted and not failed):
         return None
     # A wrong geometry, frame or target takes up some part of a mistake, and not nine tenths of it.
@@ -88,17 +85,10 @@ def recognised(
     close = max(limits.AS_GOOD * best.misfit, min(search.fits, accepted, limits.MORE_MISTAKES * best.misfit))
     named = [reading for reading in chosen if reading.misfit <= close]
     named.sort(key=lambda reading: reading.misfit > limits.AS_GOOD * best.misfit)
-    looks, hints = (either(words) for words in zip(*((r.looks, r.hint) for r in named), strict=True))
+    looks, hints = readings.either(named)
     if len({reading.looks for reading in named}) > 1:
         hints += "; the data fit equally well with each: find out which is true, for parameters and causes depend on it"
     return replace(named[0], looks=looks, hint=hints)
-
-
-def either(words: Iterable[str]) -> str:
-    """A list of possibilities as text; it says so where only the first ones are named."""
-    different = list(dict.fromkeys(words))
-    more = ["something alike"] * (len(different) > 4)  # of a delta, four are usual: three swaps and a frame
-    return "; or ".join(different[:4] + more)
 
 
 def expected_errors(nominal: Model, q: Floats, poses: Poses) -> tuple[float, float]:
@@ -119,17 +109,17 @@ class Search:
         nominal: Model,
         measured: Measured,
         poses: Poses,
-        free: bool,
-        target: Literal["free"] | Point | None,
+        instrument: InstrumentSection | TrackerTable,
         failed: bool,
     ) -> None:
+        target = instrument.target
         self.free_tool = any(p.kind == "platform" for p in nominal.geometry.parameters)
-        self.free_target, self.declared = target == "free", target is not None
-        self.at = np.zeros(3) if target is None or target == "free" else np.array(target)
+        self.free_target, self.declared = target == "free", target not in (None, "tcp")
+        self.at = np.array(target) if isinstance(target, tuple) else np.zeros(3)
         if self.free_target:
             nominal = replace(nominal, geometry=without_target(nominal.geometry))
             poses = nominal.kinematics.forward(measured.q)
-        self.nominal, self.all, self.free, self.failed = nominal, measured, free, failed
+        self.nominal, self.all, self.free, self.failed = nominal, measured, instrument.frame == "free", failed
         there = poses.reached
         self.reached = float(there.mean())
         self.measured, self.poses = measured.take(there), self._of_target(poses[there])
@@ -143,11 +133,6 @@ class Search:
         if self.lost:
             return float(np.median(np.linalg.norm(self.all.T - np.median(self.all.T, axis=0), axis=1)))
         return _size(self.poses)
-
-    @cached_property
-    def _misread(self) -> list[readings.Rotations]:
-        """Rotations whose numbers were converted by another convention."""
-        return [] if self.rotation is None else list(readings.misread(self.rotation))
 
     @property
     def lost(self) -> bool:
@@ -223,24 +208,21 @@ class Search:
             yield from self._commands(readings.one_mistake(self.nominal.robot.revolute), turned)
 
     def _read(
-        self,
-        reading: tuple[str, str, str, int],
-        measured: Measured,
-        poses: Poses,
-        turned: bool,
-        misfit: float | None = None,
+        self, reading: Reading, measured: Measured, poses: Poses, turned: bool, misfit: float | None = None
     ) -> Interpretation:
-        """A reading (columns, looks, hint, mistakes) with its misfit, and with the mistake of another frame than declared."""
-        columns, looks, hint, mistakes = reading
-        misfit = self._misfit(measured, poses, turned) if misfit is None else misfit
+        """A reading with its misfit, and with the mistake of another frame than declared."""
+        looks, hint, mistakes, columns = astuple(reading)
         elsewhere = turned and not self.free
         if elsewhere:
             columns = columns if looks else "x y z"
             looks, hint = (f"{b}, and {a}" if a else b for a, b in zip((looks, hint), _ELSEWHERE, strict=True))
             mistakes += 1
-        misfit = misfit if looks else np.inf
+        if not looks:
+            misfit = np.inf
+        elif misfit is None:
+            misfit = self._misfit(measured, poses, turned)
         return Interpretation(
-            looks, hint, mistakes, columns=columns, measured=measured, poses=poses, misfit=misfit, elsewhere=elsewhere
+            looks, hint, mistakes, columns, measured=measured, poses=poses, misfit=misfit, elsewhere=elsewhere
         )
 
     def _measurements(self, turned: bool) -> Iterator[Interpretation]:
@@ -250,29 +232,30 @@ class Search:
         if self.lost:
             return
         near = min(self.misfit / limits.BETTER, self.accepted)
-        for p in readings.position_readings(turned=turned, alone=rotation is None):
-            T = self.measured.T @ p.matrix.T
+        misread = [] if rotation is None else [*readings.misread(rotation)]
+        for p, matrix in readings.position_readings(turned=turned, alone=rotation is None):
+            T = self.measured.T @ matrix.T
             seen = self._seen(poses, Measured(q, T, None), turned)
             if float(np.median(np.linalg.norm(T - seen.T, axis=1))) > near:
                 continue
-            columns = "x y z" if p.looks else "qw qx qy qz"
             if rotation is None:
-                yield self._read((columns, p.looks, p.hint, p.mistakes), Measured(q, T, None), poses, turned)
+                yield self._read(p, Measured(q, T, None), poses, turned)
                 continue
-            for o in (*readings.rotation_readings(rotation, p.axes, turned=turned), *self._misread):
-                if self.free_tool and o.of_target:  # other axes of the target are a free target
-                    continue
-                mount = nearest((np.swapaxes(seen.R, 1, 2) @ o.R).sum(axis=0)) if self.free_target else np.eye(3)
+            # Other axes of the target are a free target.
+            ways = readings.rotation_readings(rotation, np.sign(matrix), turned=turned, fixed_target=not self.free_tool)
+            for o, R in (*ways, *misread):
+                mount = nearest((np.swapaxes(seen.R, 1, 2) @ R).sum(axis=0)) if self.free_target else np.eye(3)
                 # Where positions determine the frame, orientations are compared in it.
-                if not self._line and self.size * _apart(o.R, seen.R @ mount) > near + limits.CLOSE * self.size:
+                if not self._line and self.size * _apart(R, seen.R @ mount) > near + limits.CLOSE * self.size:
                     continue
                 looks, hint = (", and ".join(filter(None, pair)) for pair in ((p.looks, o.looks), (p.hint, o.hint)))
-                read = columns, looks, hint, p.mistakes + o.mistakes
-                yield self._read(read, Measured(q, T, o.R), poses, turned)
+                both = Reading(looks, hint, p.mistakes + o.mistakes, p.columns or " ".join(ORIENTATION))
+                yield self._read(both, Measured(q, T, R), poses, turned)
         if rotation is not None:
             inverse = Measured(q, -rotation.inv().apply(self.measured.T), rotation.inv().as_matrix())
             what = "the poses look inverted (the instrument in the target's frame)"
-            yield self._read(("x y z qw qx qy qz", what, "give the inverse of each", 1), inverse, poses, turned)
+            read = Reading(what, "give the inverse of each", columns="x y z qw qx qy qz")
+            yield self._read(read, inverse, poses, turned)
 
     def _commands(self, ways: Iterable[readings.CommandReading], turned: bool) -> Iterator[Interpretation]:
         """Readings of the commands, with zeros of drives that are fitted to what was measured."""
@@ -285,7 +268,7 @@ class Search:
             q = self.all.q @ reading.matrix.T + z
             poses = self._of_target(kinematics.forward(q))
             there = poses.reached
-            read = reading.columns, *reading.words(z, kinematics.robot.revolute), reading.mistakes
+            read = reading.words(z, kinematics.robot.revolute)
             yield self._read(read, replace(self.all, q=q).take(there), poses[there], turned, misfit)
 
     def _targets(self, turned: bool) -> Iterator[Interpretation]:
@@ -299,23 +282,25 @@ class Search:
             if R is not None:
                 looks += f", turned by the rotation vector {_degrees(place.mount)} degrees"
             tcp = Measured(q, T - self.poses.R @ place.at @ place.turn.T, None if R is None else R @ place.mount.T)
-            yield self._read(("x y z", looks, 'set target = "free" under [instrument]', 1), tcp, self.poses, turned)
+            read = Reading(looks, 'set target = "free" under [instrument]', columns="x y z")
+            yield self._read(read, tcp, self.poses, turned)
             return
         seen = self._seen(self.poses, Measured(q, T, None), turned)
         aside = np.median(np.einsum("nji,nj->ni", seen.R, T - seen.T), axis=0)
         shifted = T - seen.R @ aside
         at = f"the target looks to sit at {_metres(self.at + aside)} m in the TCP's frame"
         if not turned:
-            read = "x y z", at, f"write this as target under [instrument]{_OF_TCP * (not self.declared)}", 1
+            hint = f"write this as target under [instrument]{_OF_TCP * (not self.declared)}"
+            read = Reading(at, hint, columns="x y z")
             yield self._read(read, Measured(q, shifted, R), self.poses, turned)
         if R is None:
             return
         turn = _middle(np.swapaxes(seen.R, 1, 2) @ R)
         way = f"the target looks turned by the rotation vector {_degrees(turn)} degrees in the TCP's frame"
-        read = "qw qx qy qz", way, "turn the URDF's tcp link so", 2
+        read = Reading(way, "turn the URDF's tcp link so", 2, "qw qx qy qz")
         yield self._read(read, Measured(q, T, R @ turn.T), self.poses, turned)
         if not turned:
-            read = "x y z qw qx qy qz", f"{at}, and {way}", "move and turn the URDF's tcp link", 3
+            read = Reading(f"{at}, and {way}", "move and turn the URDF's tcp link", 3, "x y z qw qx qy qz")
             yield self._read(read, Measured(q, shifted, R @ turn.T), self.poses, turned)
 
     def _of_target(self, poses: Poses) -> Poses:

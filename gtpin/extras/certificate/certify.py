@@ -9,9 +9,8 @@ import numpy as np
 from gtpin.calibration.checks.before_fit import known_noise, plausible_rows, prepared
 from gtpin.calibration.robust_fit import Progress
 from gtpin.data import Dataset
-from gtpin.data.duplicates import copies
 from gtpin.data.instrument_tables import TrackerTable
-from gtpin.data.plausible import check_actuators, sane_rows
+from gtpin.data.plausible import copies, sane_rows
 from gtpin.diagnosis.diagnose import diagnose
 from gtpin.diagnosis.result import Diagnosis
 from gtpin.effects.operating_points import OperatingPoints
@@ -25,6 +24,7 @@ from gtpin.model.model import Model
 from gtpin.noise.noise import Noise
 from gtpin.read_only import gives_read_only
 from gtpin.real import generator
+from gtpin.robot.command_ranges import check_actuators
 from gtpin.robot.geometry import Geometry
 from gtpin.threads import in_one_thread
 

@@ -8,10 +8,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from gtpin.data import Commands, check_commands, without_whole_turns
+from gtpin.data import Commands
 from gtpin.data.ids import Ids
 from gtpin.errors import DatasetError, warn
 from gtpin.robot.chain import Chain
+from gtpin.robot.command_ranges import check_commands, without_whole_turns
 from gtpin.typing import Floats
 
 MOST_LOST = 0.5

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from gtpin.data import Commands, Dataset, InstrumentSection
 from gtpin.data.ids import Ids, normal_id, normal_ids
 from gtpin.data.names import IDS, ORIENTATION, POSITION, is_command, known_lookalike, lookalike_words, lookalikes
-from gtpin.data.table import Column, has_decimal_comma, number
+from gtpin.data.table import Column, number
 from gtpin.errors import DatasetError, warn
 from gtpin.extras.importers.lines import decimal, text_lines
 from gtpin.extras.importers.matched import Match, in_range, matched
@@ -212,7 +212,7 @@ def read_named_columns(
                 hint = "if this line is no row, pass over it (--header N); else correct it"
                 if not rows and (known := known_lookalike(name) or next(iter(_near(name)), None)):
                     hint = f"did you mean the column {known} in --columns?"
-                elif has_decimal_comma(plain):
+                elif "," in plain and not np.isnan(number(plain.replace(",", ".", 1))):
                     hint = "if numbers have a comma for the point, give --decimal-comma"
                 elif rows:
                     hint = "correct the row, or delete it"

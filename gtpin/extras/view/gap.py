@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gtpin.calibration.problem import with_unknowns
-from gtpin.data import Dataset, check_commands, without_whole_turns
+from gtpin.data import Dataset
 from gtpin.effects.operating_points import OperatingPoints
 from gtpin.errors import DatasetError, ModelError, warn
 from gtpin.instruments.readings import Readings, instruments_of, single
@@ -17,6 +17,7 @@ from gtpin.model.measured_robot import check_same_robot, measuring
 from gtpin.model.model import FittedInstrument, Model
 from gtpin.report.figure import round_below
 from gtpin.report.words import quantity
+from gtpin.robot.command_ranges import check_commands, without_whole_turns
 from gtpin.typing import Floats
 
 CALIBRATED = "give the model that gtpin calibrate makes of these data"
