@@ -312,6 +312,7 @@ def _result(settled: FitState, near: Poses, whole: Dataset, usable: Mask, *, tra
     residual = problem.raw_residual(point, point.poses)
     variance, known = _variances(final, noise), noise.known
     unexplained = unexplained_by(settled.fit, residual, variance, known=known, dof=noise.dof)
+    unexplained = unexplained.beside(*_beyond_declared(noise, measured))
     floor = _at_most(variance, residual, measured.group, settled.dof / problem.count)
     out, some = left_out(final)
     readings, k, seen = problem.readings(point.x), len(problem.unit), settled.observability
@@ -362,6 +363,20 @@ def _variances(fit: Fit, noise: ReadingNoise) -> Floats:
     problem, c = fit.problem, fit.residual.shape[1]
     each = (noise.take(rows).covariance(problem.by_command(fit.point, rows), c) for rows in problem.chunks())
     return np.diagonal(np.concatenate([*each]), axis1=1, axis2=2)
+
+
+def _beyond_declared(noise: ReadingNoise, measured: Readings) -> tuple[float, float]:
+    """The scatter between visits, m, root mean square over all lengths: beyond what the declared sigmas contain, and at most.
+
+    Where no sigma is declared, anything from none to all of it can be the machine's.
+    """
+    lengths = ~np.isfinite(noise.row_sigma) & (measured.counted > 0.0) & ~measured.group_turns[measured.group]
+    if noise.source != "repeats" or not lengths.any():
+        return 0.0, 0.0
+    sigmas = [(s if own is None else own, own or 0.0) for own, s in zip(measured.declared, noise.sigma, strict=True)]
+    beyond = np.maximum(noise.sigma[:, None] ** 2 - np.square(sigmas), 0.0) * noise.estimated[:, None]
+    some, most = np.sqrt(beyond[measured.group[lengths]].mean(axis=0)).tolist()
+    return some, most
 
 
 def _at_most(variance: Floats, residual: Floats, group: Indices, free: float) -> Floats:

@@ -46,10 +46,12 @@ class ModelDiscrepancy:
         least = self.position if self.noise_known else 0.0
         return least if self.least is None else self.least, self.position if self.most is None else self.most
 
-    def with_position(self, size: float) -> ModelDiscrepancy:
-        """The same, of a position at least a size, m per axis."""
-        least, most = self.interval
-        return replace(self, position=max(self.position, size), least=max(least, size), most=max(most, size))
+    def beside(self, scatter: float, most: float) -> ModelDiscrepancy:
+        """The same with scatter between visits, m per axis, as errors of the machine: what the declared sigma does not contain,
+        and at ``most``. ``least`` is without: the declared sigma can be wrong."""
+        least, end = self.interval
+        position, end = float(np.hypot(self.position, scatter)), float(np.hypot(end, most))
+        return replace(self, position=position, least=least, most=end)
 
 
 EXPLAINED = ModelDiscrepancy(0.0, 0.0)
