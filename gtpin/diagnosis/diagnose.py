@@ -13,6 +13,7 @@ import numpy as np
 
 from gtpin.calibration.calibrate import FIXED, PER_POSE
 from gtpin.calibration.checks.suspected import gross_errors, true_of_causes
+from gtpin.calibration.result import Calibration
 from gtpin.calibration.robust_fit import Progress
 from gtpin.calibration.thinning import thinned
 from gtpin.data import Dataset, by_region
@@ -59,6 +60,7 @@ from gtpin.diagnosis.result import (
     Gap,
     HealthCheck,
     HoldOut,
+    Source,
 )
 from gtpin.diagnosis.tolerances import begun
 from gtpin.diagnosis.trials import Known
@@ -365,7 +367,7 @@ def _diagnose(
             best_known=best,
             jumps=tuple(jumps),
         ),
-        baseline=prepared.baseline,
+        baseline=_with_left_out(prepared.baseline, model, whole, shown.source),
         model=replace(model, between_members=between_members(hypotheses, found)),
         set_aside=tuple(dict.fromkeys(str(pose) for pose in recorded.pose[aside])),
         set_aside_rows=tuple(int(line) for line in recorded.row[aside]),
@@ -376,6 +378,25 @@ def _diagnose(
         dataset=recorded,
         why=why,
     )
+
+
+def _with_left_out(baseline: Calibration, fitted: Model, gap: Gap, source: Source) -> Calibration:
+    """The geometry alone, with what the search found of its errors: without causes what the fit leaves unexplained, with some
+    its errors at left-out poses beyond noise, less those by repeatability.
+
+    A calibration can't tell scatter between visits that the causes explain from noise of the instrument.
+    """
+    model, of, larger = baseline.model, gap.of_positions, fitted.unexplained
+    if model.unexplained is None or of is None or source == "residuals":
+        return baseline
+    if fitted.effects:
+        power = of.before**2 - of.floor**2
+        if model.fit is not None:
+            q = baseline.dataset.q[baseline.used(baseline.dataset)]
+            moved = model.kinematics.command_jacobian(q, model.kinematics.forward(q))[:, :3] * model.fit.drives
+            power -= float((moved**2).sum(axis=(1, 2)).mean())
+        larger = model.unexplained.of_position(float(np.sqrt(max(power, 0.0) / 3.0)))
+    return replace(baseline, model=replace(model, unexplained=larger))
 
 
 def _true_warnings(texts: Sequence[str], found: Diagnosis) -> list[str]:

@@ -46,6 +46,11 @@ class ModelDiscrepancy:
         least = self.position if self.noise_known else 0.0
         return least if self.least is None else self.least, self.position if self.most is None else self.most
 
+    def of_position(self, size: float) -> ModelDiscrepancy:
+        """The same, with another size of the position's, m per axis."""
+        least, most = self.interval
+        return replace(self, position=size, least=min(least, size), most=max(most, size))
+
     def beside(self, scatter: float, most: float) -> ModelDiscrepancy:
         """The same with scatter between visits, m per axis, as errors of the machine: what the declared sigma does not contain,
         and at ``most``. ``least`` is without: the declared sigma can be wrong."""
