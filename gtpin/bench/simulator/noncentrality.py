@@ -214,6 +214,7 @@ def weak_others(
         if (kinds[i].name, site) in taken:
             continue
         cause = kinds[i].at(robot, site, rng)
+        cause(response.ideal, rng)  # the numbers that follow are drawn after those of the cause
         displacement = response.displacement([(cause, 1.0)])[rows]
         share = float(min(np.sqrt(rng.exponential() / max(past.noncentrality(displacement), 1e-9)), MOST))
         causes.append(cause)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 
 from gtpin.bench.simulator.arm import Arm
+from gtpin.bench.simulator.machine import Deviation
 from gtpin.errors import GtpinError
 from gtpin.robot.chain import Chain
 
-Cause = Callable[[Any], Any]
-"""The error of one machine at its typical size: a function from the machine's situation to its deviation."""
 Where = Literal["carts", "guides", "turning", "joints", "coupled", "links", "arm", "pins", "frame", "platform"]
 
 
@@ -57,12 +58,14 @@ class CauseKind:
     # same, where there are several. ``links``: single links. ``arm``: all links at once, or one of them. ``pins``:
     # passive joints of loops.
     where: Where
-    draw: Callable[..., Cause]  # Draws the error of one machine, at its typical size
+    # The deviation by one machine's error at its typical size: from the machine's situation, the site, and a source of the
+    # random numbers that distinguish the machines
+    error: Callable[..., Deviation]
     # Conditions that must vary so that it can be detected: ``session``, ``speed``, ``payload``, ``force``, ``heat``
     needs: tuple[str, ...] = ()
     # Largest amplitude, in typical sizes: no machine has a larger error, even where the effect then has little energy
     largest: float = 20.0
-    periodic: bool = False  # Whether ``draw`` also takes the numbers of periods a turn of its lines
+    periodic: bool = False  # Whether ``error`` also takes the numbers of periods a turn of its lines
     # Newer than the published cases: a seed draws it into no case and not beside one; made if asked for
     newer: bool = False
 
@@ -86,10 +89,24 @@ class CauseKind:
         return found.get(self.where, (self.where,))
 
     def at(self, robot: Chain | Arm, site: str, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:
-        """Draw the error of one machine at a site, with given periods where it is :attr:`periodic`.
+        """The error of one machine at a site, with given periods where it is :attr:`periodic`.
 
         Raises GtpinError if the error can't occur at the site.
         """
         if site not in self.sites(robot):
             raise GtpinError(f"{self.name} can't be at {site!r}", hint=f"use {', '.join(self.sites(robot))}")
-        return self.draw(Site.of(robot, site), rng, *((periods,) if periods else ()))
+        error = partial(self.error, periods=periods) if periods else self.error
+        return Cause(error, Site.of(robot, site), deepcopy(rng))
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """The error of one machine at its typical size: takes the same random numbers at every call."""
+
+    error: Callable[..., Deviation]
+    site: Site
+    rng: np.random.Generator  # In the state before the random numbers
+
+    def __call__(self, now: Any, rng: np.random.Generator | None = None) -> Deviation:
+        """The deviation in a situation of the machine. ``rng``: takes the random numbers from here instead."""
+        return self.error(now, self.site, rng or deepcopy(self.rng))
