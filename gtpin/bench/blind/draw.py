@@ -52,20 +52,19 @@ def without_some_touches(case: InstrumentCase) -> tuple[InstrumentCase, tuple[Le
     if case.recipe is None or case.true.joints or not any(gauge.touches for gauge in case.gauges):
         return case, ()
     data = case.dataset
-    found, gauges, tables, every = [], list[Gauge](), [], []
-    for gauge, read in zip(case.gauges, data.read, strict=True):
+    found, gauges, every = [], list[Gauge](), []
+    for gauge in case.gauges:
         kept = np.ones(len(gauge.stop), dtype=bool)
         if gauge.touches:
             rng = np.random.default_rng(np.random.SeedSequence([case.recipe.seed, 9, *gauge.name.encode()]))
             kept[rng.permutation(len(kept))[: len(kept) // ONE_IN]] = False
             out = gauge.take(~kept)
             values = out.readings(case.steady[out.stop], out.truth)
-            found.append(LeftOutTouches(gauge.name, data.table(read.take(~kept)), values, out.sigma))
+            found.append(LeftOutTouches(gauge.name, data.table(out), values, out.sigma))
         gauges.append(gauge.take(kept))
-        tables.append(read.take(kept))
         every.append(kept)
     effects = tuple(replace(effect, displacement=effect.displacement[np.concatenate(every)]) for effect in case.effects)
-    fewer = replace(case, gauges=tuple(gauges), dataset=replace(data, read=tuple(tables)), effects=effects)
+    fewer = replace(case, dataset=replace(data, read=tuple(gauges)), effects=effects)
     used, rows = stops(fewer), np.concatenate([gauge.stop for gauge in gauges])
     here = [replace(gauge, stop=np.searchsorted(used, gauge.stop)) for gauge in gauges]
     by_tolerance = case.machine.by_tolerance(data.q[used], case.true[used])

@@ -17,7 +17,7 @@ from gtpin.bench.simulator.noncentrality import Past, Response, effects_of
 from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.bench.simulator.recipe import Recipe, SimulatedNoise
 from gtpin.bench.simulator.simulate import TrueRobot, draw_commands, draw_machine
-from gtpin.bench.simulator.truth import EffectTruth, InstrumentCase, InstrumentTruth, Tables
+from gtpin.bench.simulator.truth import EffectTruth, InstrumentCase, Tables
 from gtpin.bench.simulator.visits import REPEATED, VirtualVisits, ids, visited
 from gtpin.data import Commands
 from gtpin.errors import GtpinError
@@ -188,7 +188,6 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
         machine=machine,
         true=true,
         recipe=recipe,
-        gauges=tuple(gauges),
         steady=steady,
         repeatability=repeatability,
         held=held_readings(gauges, steady[held]),
@@ -216,11 +215,10 @@ def _tracker(gauges: Sequence[Gauge]) -> VirtualTracker | None:
     return next((gauge for gauge in gauges if isinstance(gauge, VirtualTracker)), None)
 
 
-def _read(poses: VirtualPoses, gauges: Sequence[Gauge], missed: Sequence[Floats]) -> tuple[InstrumentTruth, ...]:
-    return tuple(
-        InstrumentTruth(gauge.described(), gauge.stop, gauge.columns(poses[gauge.stop], error))
-        for gauge, error in zip(gauges, missed, strict=True)
-    )
+def _read(poses: VirtualPoses, gauges: Sequence[Gauge], missed: Sequence[Floats]) -> tuple[Gauge, ...]:
+    """The instruments with the columns of their tables, with errors (M, c) of the readings."""
+    read = zip(gauges, missed, strict=True)
+    return tuple(replace(gauge, columns=gauge.recorded(poses[gauge.stop], error)) for gauge, error in read)
 
 
 def simulate_measured(
@@ -282,11 +280,8 @@ def simulate_measured(
         ),
         commands=Commands(ids(np.arange(held_out)), held),
         truth=tracker.seen(truth, tracker.truth) if tracker else truth,
-        effects=(),
         machine=machine,
         true=true,
-        recipe=None,
-        gauges=tuple(gauges),
         steady=true,  # a machine without effects returns exactly
         repeatability=np.zeros(robot.n_actuators),
         held=held_readings(gauges, truth),

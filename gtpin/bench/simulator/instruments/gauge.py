@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -56,6 +56,8 @@ class Gauge(ABC):
     hidden: tuple[Hidden, ...]  # Its k unknowns
     declared: bool  # Whether dataset.toml states its sigma
     sigma: Floats  # (M, c) standard deviation of the readings' noise, m or rad
+    # Its own columns in its table, once it has read; ``stop`` gives the others
+    columns: dict[str, Column] = field(default_factory=dict, kw_only=True)
 
     @property
     def truth(self) -> Floats:
@@ -82,6 +84,7 @@ class Gauge(ABC):
 
     # -------------------------------------------------------------------------------------------- in the files
 
+    @property
     def described(self) -> dict[str, Any]:
         """Its ``[[instrument]]`` in dataset.toml."""
         return {"name": self.name, "kind": self.kind, **(self.stated() if self.declared else {}), **self.table()}
@@ -94,8 +97,8 @@ class Gauge(ABC):
         """All other keys."""
         return {}
 
-    def columns(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
-        """The instrument's columns in its table, with errors (M, c) of the readings."""
+    def recorded(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
+        """Its columns in its table at poses (M), with errors (M, c) of the readings."""
         ids = {name: list(getattr(self, of)) for name, of in self.by_row.items()}
         found: dict[str, Column] = {
             name: np.array(known, dtype=object)[getattr(self, name)] for name, known in ids.items() if known != [""]
@@ -137,7 +140,7 @@ class Gauge(ABC):
     def take(self, rows: Ints | Mask) -> Self:
         """The instrument with some of its rows, by their indices or a mask."""
         changed: dict[str, Any] = {name: getattr(self, name)[rows] for name in ("stop", "sigma", *self.by_row)}
-        return replace(self, **changed)
+        return replace(self, **changed, columns={name: x[rows] for name, x in self.columns.items()})
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,7 +88,7 @@ class VirtualTracker(Gauge):
     def table(self) -> dict[str, Any]:
         return {"frame": "free"} if self.free else {}
 
-    def columns(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
+    def recorded(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
         seen = self.seen(poses, self.truth)
         position = dict(zip("xyz", (seen.T + errors[:, :3]).T, strict=True))
         if errors.shape[1] == 3:
@@ -134,8 +134,8 @@ class VirtualCamera(Targeted):
     def table(self) -> dict[str, Any]:
         return {**super().table(), "frame": "free"}
 
-    def columns(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
-        found = super().columns(poses, errors)
+    def recorded(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
+        found = super().recorded(poses, errors)
         return found | dict(zip(("sx", "sy", "sz"), self.sigma.T, strict=True)) if self.declared else found
 
 
