@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from pydantic import BaseModel, Field
 
-from gtpin.bench.blind.draw import Draft, drafts, written
+from gtpin.bench.blind.draw import Draft, drafts, made, truth_of
 from gtpin.bench.blind.truth import TruePoses, TrueReadings, Truth, digest_of, digest_of_files, files_of
 from gtpin.bench.simulator.truth import InstrumentCase
 from gtpin.data.files import read_bytes, read_table, write_table
@@ -91,8 +90,6 @@ class PublicSet(BaseModel, frozen=True):
 
 CASES, TRUTHS = "cases", "truths"
 ROBOT = "robot.urdf"
-KNOWN = ("station", "target", "plane")
-"""Columns that say what an instrument reads, or what is touched."""
 DECIMALS = 7
 COARSE = {"temp_frame": 3, "temp_link": 3}
 """Number of decimals of the columns that have fewer than ``DECIMALS``."""
@@ -117,16 +114,14 @@ def make(draft: Draft, folder: Path) -> MadeCase:
     """Write a case: ``cases/NAME/`` for solvers, ``truths/NAME.json`` for the scorer."""
     place = folder / CASES / draft.name
     place.mkdir(parents=True, exist_ok=True)
-    case, truth = written(draft, place)
-    # For an instrument that reads anywhere, the held-out commands, with what it reads at each: stations or targets are those of
-    # the dataset in turn, in alphabetical order, as in the truth.
-    for name in case.held if isinstance(case, InstrumentCase) else ():
-        held = dict(read_table(place / "commands.csv").columns)
-        own = read_table(place / f"{name}.csv", ids=KNOWN).columns
-        for column in (column for column in KNOWN if column in own):
-            ids = np.array(sorted(set(own[column].tolist())), dtype=object)
-            held[column] = ids[np.arange(len(held["pose"])) % len(ids)]
-        write_table(place / f"commands-{name}.csv", held)
+    case = made(draft)
+    case.write_dataset(place)
+    truth = truth_of(case, draft.kind)
+    # For an instrument that reads anywhere, the held-out commands, with what it reads at each, as in the truth.
+    for gauge in case.gauges if isinstance(case, InstrumentCase) else ():
+        if not gauge.touches:
+            held = read_table(place / "commands.csv").columns
+            write_table(place / f"commands-{gauge.name}.csv", {**held, **gauge.in_turn(len(case.commands)).ids})
     if (urdf := Path(draft.robot)).suffix == ".urdf":  # it is copied into the dataset's folder, and named there
         (place / ROBOT).write_bytes(urdf.read_bytes())
         lines = (place / "dataset.toml").read_text(encoding="utf-8").splitlines()

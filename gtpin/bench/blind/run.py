@@ -13,7 +13,7 @@ from typing import Any
 
 from rich.progress import Progress
 
-from gtpin.bench.blind.draw import ROBOT, Draft, drafts, written
+from gtpin.bench.blind.draw import ROBOT, Draft, drafts, made, truth_of
 from gtpin.bench.blind.folder import CheckFolder, Settings, claimed, diagnosis_digest
 from gtpin.bench.blind.judge import judge
 from gtpin.bench.blind.judged import Judged
@@ -101,8 +101,9 @@ def _make(root: Path, draft: Draft) -> None:
     folder = CheckFolder(root)
     place = folder.case(draft.name)
     shutil.rmtree(place, ignore_errors=True)  # remains of a run that was stopped
-    _, truth = written(draft, place)
-    seal(truth, place, folder.sealed(draft.name))
+    case = made(draft)
+    case.write_dataset(place)
+    seal(truth_of(case, draft.kind), place, folder.sealed(draft.name))
 
 
 def _each(

@@ -160,13 +160,23 @@ class InstrumentCase(Simulation):
     - ``steady``: as ``true``, without errors by repeatability.
     - ``repeatability``: (n,) standard deviation of each actuator, m or rad.
     - ``held``: by instrument's name: (H, c) readings at the held-out commands without noise, for a tracker positions, and
-      their sigmas; with ids in turn (:meth:`~gtpin.bench.simulator.instruments.gauge.Gauge.in_turn`).
+      their sigmas; with ids in turn (:meth:`~gtpin.bench.simulator.instruments.gauge.Gauge.in_turn`). For a touching
+      instrument, at the touches that are left out: the distance of the target from what it touches, of a machine that returns
+      exactly to its commands (no model predicts the scatter of its repeatability), and the noise of the touch, m.
+    - ``left_out``: the instruments with touches that are not in the dataset.
     """
 
     dataset: Tables
     steady: VirtualPoses
     repeatability: Floats
     held: dict[str, tuple[Floats, Floats]]
+    left_out: tuple[Gauge, ...] = ()
+
+    def write_dataset(self, folder: Path) -> None:
+        """Write the dataset, commands.csv, and ``commands-NAME.csv`` with the touches that are left out."""
+        super().write_dataset(folder)
+        for gauge in self.left_out:
+            write_table(folder / f"commands-{gauge.name}.csv", self.dataset.table(gauge))
 
     @property
     def gauges(self) -> tuple[Gauge, ...]:

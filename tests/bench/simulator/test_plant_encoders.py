@@ -60,7 +60,9 @@ def five_bar() -> gtpin.Robot:
 def true_kinematics(case: InstrumentCase, robot: gtpin.Robot | None = None):
     """The package's kinematics of the machine's true geometry, without effects."""
     nominal = gtpin.Geometry.nominal(robot or five_bar())
-    return Kinematics(nominal.with_values(nominal.values + np.array([case.machine.parameters[name] for name in nominal.names])))
+    return Kinematics(
+        nominal.with_values(nominal.values + np.array([case.machine.parameters[name] for name in nominal.names]))
+    )
 
 
 def turned(difference: Floats) -> Floats:

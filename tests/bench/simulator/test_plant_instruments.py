@@ -145,7 +145,7 @@ def test_readings_scatter_by_their_sigma() -> None:
         if gauge.touches:
             errors = gauge.readings(here, gauge.truth)
         else:
-            exact = gauge.columns(here, np.zeros(gauge.sigma.shape))
+            exact = gauge.recorded(here, np.zeros(gauge.sigma.shape))
             names = [n for n in ("x", "y", "z", "range", "tilt_x", "tilt_y") if n in exact]
             errors = np.column_stack([read.columns[n] - exact[n] for n in names])
         z = errors / gauge.sigma[:, : errors.shape[1]]

@@ -99,11 +99,14 @@ class Gauge(ABC):
 
     def recorded(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
         """Its columns in its table at poses (M), with errors (M, c) of the readings."""
-        ids = {name: list(getattr(self, of)) for name, of in self.by_row.items()}
-        found: dict[str, Column] = {
-            name: np.array(known, dtype=object)[getattr(self, name)] for name, known in ids.items() if known != [""]
-        }
-        return found | dict(zip(self.reads, (self.readings(poses, self.truth) + errors).T, strict=False))
+        return self.ids | dict(zip(self.reads, (self.readings(poses, self.truth) + errors).T, strict=False))
+
+    @property
+    def ids(self) -> dict[str, Column]:
+        """The columns with the station, plane or target of each row."""
+        known = {name: list(getattr(self, of)) for name, of in self.by_row.items()}
+        several = {name: np.array(ids, dtype=object) for name, ids in known.items() if ids != [""]}
+        return {name: ids[getattr(self, name)] for name, ids in several.items()}
 
     # --------------------------------------------------------------------------------------------- derivatives
 
