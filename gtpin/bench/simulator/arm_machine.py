@@ -41,7 +41,7 @@ FOLDED = 200
 
 @dataclass(frozen=True, eq=False)
 class ArmMachine:
-    """An arm with n commanded joints, as :class:`~gtpin.bench.simulator.machine.Machine`.
+    """An arm with n commanded joints, as :class:`~gtpin.bench.simulator.rod_machine.RodMachine`.
 
     Its passive joints close its loops, where there are any, in spite of all deviations.
     """
@@ -205,6 +205,7 @@ class ArmMachine:
         return Deviation.none(visits, self.n_carts, joints=len(self.true.joints))
 
     def jitter(self, sigmas: Floats, visits: int, rng: np.random.Generator) -> Deviation:
+        """Random deviations at every visit, by the repeatabilities ``sigmas`` (n,), rad or m."""
         deviation = self.unbent(visits)
         deviation.travel[:] = sigmas * rng.standard_normal((visits, self.n_carts))
         return deviation

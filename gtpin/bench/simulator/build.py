@@ -15,7 +15,7 @@ from gtpin.bench.simulator.causes.cause import Cause
 from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.noncentrality import Past, Response, effects_of
 from gtpin.bench.simulator.poses import VirtualPoses
-from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions
+from gtpin.bench.simulator.recipe import Machine, Recipe, SimulatedConditions
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.truth import Case, EffectTruth
 from gtpin.bench.simulator.visits import BACK_OFF, VirtualVisits, ids, plan
@@ -40,7 +40,7 @@ def known_robot(robot: str) -> Chain | Arm:
     return found if found.rods else Arm.of(found)
 
 
-def drawn_machine(robot: Chain | Arm, rng: np.random.Generator) -> RodMachine | ArmMachine:
+def drawn_machine(robot: Chain | Arm, rng: np.random.Generator) -> Machine:
     """A machine of a robot, drawn from its tolerances."""
     return ArmMachine.draw(robot, rng) if isinstance(robot, Arm) else RodMachine.draw(robot, rng)
 

@@ -14,10 +14,9 @@ from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.causes.cause import Cause
 from gtpin.bench.simulator.causes.kinds import kind, listed
 from gtpin.bench.simulator.instruments.gauge import Gauge
-from gtpin.bench.simulator.machine import Deviation, Machine
+from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.poses import VirtualPoses, exp
-from gtpin.bench.simulator.recipe import Recipe
-from gtpin.bench.simulator.rod_machine import RodMachine
+from gtpin.bench.simulator.recipe import Machine, Recipe
 from gtpin.bench.simulator.situation import ArmSituation, RodSituation
 from gtpin.bench.simulator.truth import EffectTruth
 from gtpin.bench.simulator.visits import VirtualVisits
@@ -36,7 +35,7 @@ SETTLED = 1e-10
 class Response:
     """A machine, its visits of a day, and the instrument that measures them."""
 
-    machine: RodMachine | ArmMachine
+    machine: Machine
     visits: VirtualVisits  # All visits are solved together, because effects can depend on earlier ones
     station: Floats  # (3,) position of the instrument, base frame, m
     read: tuple[str, ...] = ()  # Names of the joints that encoders read
@@ -57,10 +56,6 @@ class Response:
         """The response at other commands q (N, n); the last moves start elsewhere too, so that they keep their directions."""
         visits = self.visits
         return replace(self, visits=replace(visits, q=q, before=visits.before + (q - visits.q)))
-
-    def by_command(self) -> Floats:
-        """(N, 6 + k, n) derivative by commands of these poses, position and rotation vector, and of the k joints."""
-        return self.machine.command_jacobian(self.visits.q, self.there)
 
     def settled(self, active: Active, jitter: Deviation | None = None) -> tuple[Any, Deviation]:
         """The situation with some causes and with ``jitter``, random deviations by the repeatability; and the total deviation.
@@ -126,7 +121,8 @@ class Past:
     def of_readings(gauges: Sequence[Gauge], poses: VirtualPoses, by_tolerance: Floats, jitter: Floats) -> Past:
         """For instruments, and ``poses`` (N) at all stops.
 
-        ``by_tolerance``: (N, 6 + k, p) as :meth:`~gtpin.bench.simulator.machine.Machine.by_tolerance` gives it. ``jitter``:
+        ``by_tolerance``: (N, 6 + k, p) as :meth:`~gtpin.bench.simulator.rod_machine.RodMachine.by_tolerance` gives it.
+        ``jitter``:
         (N, 6 + k, n) motions of poses and joints by 1 sigma of each actuator's repeatability. They are added to the noise,
         because some instruments are more precise than the machine.
         """

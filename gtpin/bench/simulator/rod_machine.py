@@ -31,10 +31,10 @@ PARALLEL = 0.99
 
 @dataclass(frozen=True)
 class RodMachine(Rods):
-    """A robot on six rods as it was really built, as :class:`~gtpin.bench.simulator.machine.Machine`.
+    """A robot on six rods as it was really built.
 
-    A cart here moves along a track, or is an arm about an axis, or the foot of a leg, which does not move when the leg's length
-    changes.
+    A cart moves along a track, or is an arm about an axis, or the foot of a leg, which does not move when the leg's length
+    changes. On a machine without rods it is a joint with its link.
 
     Raises `RobotError` if the robot does not have six rods, has a rod without a drive, or a drive without a rod.
     """
@@ -61,6 +61,7 @@ class RodMachine(Rods):
         return RodMachine(geometry.with_values(built), float(plate.mass * factors[0]), center, nominal * factors[1:])
 
     def nominal(self) -> Rods:
+        """The nominal robot as a machine without effects."""
         return Rods(Geometry.nominal(self.robot))
 
     @property
@@ -69,14 +70,17 @@ class RodMachine(Rods):
 
     @property
     def per_metre(self) -> float:
+        """() or (n,) repeatability of a drive, m or rad, over that of a cart on a track, m."""
         return 1.0
 
     @property
     def readable(self) -> tuple[str, ...]:
+        """Name of the passive joint that an encoder reads; empty where there is none."""
         return (self.universal.name,)
 
     @property
     def parameters(self) -> dict[str, float]:
+        """Deviations of the geometry's parameters from nominal, by name, m and rad."""
         return dict(zip(self.geometry.names, self.geometry.deviation.tolist(), strict=True))
 
     @cached_property
@@ -114,6 +118,7 @@ class RodMachine(Rods):
         return np.asarray(2.0 ** np.floor(np.log2(REACH / np.where(np.isfinite(half), half, REACH))))
 
     def places(self, q: Floats) -> Floats:
+        """(N, n) places of commands (N, n) in their ranges: no unit, from about -REACH to REACH. Effects depend on them."""
         middle = (self.robot.upper + self.robot.lower) / 2.0
         return np.asarray((q - np.round(np.where(np.isfinite(middle), middle, 0.0), 1)) * self.zoom)
 
@@ -142,6 +147,7 @@ class RodMachine(Rods):
         return Deviation.none(visits, self.n_carts, len(self.robot.rods))
 
     def jitter(self, sigmas: Floats, visits: int, rng: np.random.Generator) -> Deviation:
+        """Random deviations at every visit, by the repeatabilities ``sigmas`` (n,), m or rad."""
         deviation = self.unbent(visits)
         deviation.travel[:] = sigmas * rng.standard_normal((visits, self.n_carts))
         sideways = ACROSS * sigmas[:, None] * rng.standard_normal((visits, self.n_carts, 2))
@@ -159,6 +165,8 @@ class RodMachine(Rods):
         return self._answer(q, poses, self.commanded(q))
 
     def by_tolerance(self, q: Floats, poses: VirtualPoses) -> Floats:
+        """(N, 6 + k, p) derivative of the poses, and of the k joints whose coordinates they have, by everything that a
+        calibration identifies, in units of tolerances."""
         return np.asarray(self._answer(q, poses, self.changed(q)) * self.geometry.tolerance)
 
     def _answer(self, q: Floats, poses: VirtualPoses, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]]) -> Floats:
@@ -196,6 +204,7 @@ class RodMachine(Rods):
     # ------------------------------------------------------------------------------------------------- commands
 
     def reachable(self, count: int, rng: np.random.Generator) -> Floats:
+        """(count, n) random commands all over the workspace, m or rad. Raises UnreachableError if it reaches hardly any."""
         robot, parallel = self.robot, np.abs(self.tracks @ self.tracks[0]) > PARALLEL
         draw = self._in_ranges
         if self.n_carts == 3 and (self.slides & parallel).all() and abs(self.tracks[0, 2]) < PARALLEL:

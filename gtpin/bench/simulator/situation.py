@@ -46,7 +46,7 @@ class Postures(ABC):
 
     @cached_property
     def places(self) -> Floats:
-        """(N, n) places of the commands: see :meth:`~gtpin.bench.simulator.machine.Machine.places`."""
+        """(N, n) places of the commands: see :meth:`~gtpin.bench.simulator.rod_machine.RodMachine.places`."""
         return np.asarray(self.machine.places(self.q))
 
     def unbent(self) -> Deviation:

@@ -12,11 +12,9 @@ from typing import Any
 
 import tomli_w
 
-from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.instruments.gauge import Gauge
 from gtpin.bench.simulator.poses import VirtualPoses
-from gtpin.bench.simulator.recipe import Recipe
-from gtpin.bench.simulator.rod_machine import RodMachine
+from gtpin.bench.simulator.recipe import Machine, Recipe
 from gtpin.bench.simulator.visits import VirtualVisits
 from gtpin.data import Commands, Dataset
 from gtpin.data.files import write_table
@@ -114,7 +112,7 @@ class Case(Simulation):
     """
 
     dataset: Dataset
-    machine: RodMachine | ArmMachine
+    machine: Machine
     recipe: Recipe
     visits: VirtualVisits
     background: float

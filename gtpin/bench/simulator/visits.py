@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from gtpin.bench.simulator.fields import curve
-from gtpin.bench.simulator.machine import Machine
-from gtpin.bench.simulator.recipe import SimulatedConditions
+from gtpin.bench.simulator.recipe import Machine, SimulatedConditions
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
 from gtpin.typing import Floats, Ints, Mask

@@ -12,10 +12,10 @@ from gtpin.bench.simulator.build import drawn_machine, known_robot, reference
 from gtpin.bench.simulator.instruments.gauge import Gauge, Layout
 from gtpin.bench.simulator.instruments.readers import READERS, VirtualRange, VirtualTracker
 from gtpin.bench.simulator.instruments.touch import TOUCHED, begun, circles, felt, motion_of
-from gtpin.bench.simulator.machine import Machine, Moved
+from gtpin.bench.simulator.machine import Moved
 from gtpin.bench.simulator.noncentrality import Past, Response, effects_of
 from gtpin.bench.simulator.poses import VirtualPoses
-from gtpin.bench.simulator.recipe import Recipe, SimulatedNoise
+from gtpin.bench.simulator.recipe import Machine, Recipe, SimulatedNoise
 from gtpin.bench.simulator.simulate import TrueRobot, draw_commands, draw_machine
 from gtpin.bench.simulator.truth import EffectTruth, InstrumentCase, Tables
 from gtpin.bench.simulator.visits import REPEATED, VirtualVisits, ids, visited
@@ -173,7 +173,7 @@ def build_measured(recipe: Recipe, instruments: Sequence[str], *, leave_out: boo
     def motion(q: Floats) -> tuple[VirtualPoses, Floats]:
         nonlocal response
         response = response.at(q)
-        return response.seen(active, jitter), response.by_command()[:, :6]
+        return response.seen(active, jitter), machine.command_jacobian(q, response.there)[:, :6]
 
     q, good = felt(motion, visits.q, gauges, missed)
     response = response.at(q)
