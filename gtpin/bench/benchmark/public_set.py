@@ -136,21 +136,15 @@ def make(draft: Draft, folder: Path) -> MadeCase:
     return MadeCase(draft.name, Published(dataset=digest_of_folder(place), truth=digest_of(content)), truth)
 
 
-def changed(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator[str]:
-    """Names of the cases, among ``names``, whose files do not have the published digests."""
-    other = set(changed_truths(public, folder, names))
-    for name in names:
-        if name in other or digest_of_folder(folder / CASES / name) != public.cases[name].dataset:
-            yield name
-
-
-def changed_truths(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator[str]:
-    """Names of the cases, among ``names``, whose truths do not have the published digests.
+def changed(public: PublicSet, folder: Path, names: Collection[str], *, truths_alone: bool = False) -> Iterator[str]:
+    """Names of the cases, among ``names``, whose files, or only the truths, do not have the published digests.
 
     Raises GtpinError if a truth can't be read.
     """
     for name in names:
-        if digest_of(read_bytes(folder / TRUTHS / f"{name}.json")) != public.cases[name].truth:
+        truth, published = digest_of(read_bytes(folder / TRUTHS / f"{name}.json")), public.cases[name]
+        dataset = published.dataset if truths_alone else digest_of_folder(folder / CASES / name)
+        if (truth, dataset) != (published.truth, published.dataset):
             yield name
 
 

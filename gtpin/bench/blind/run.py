@@ -17,8 +17,19 @@ from gtpin.bench.blind.draw import ROBOT, Draft, drafts, made, truth_of
 from gtpin.bench.blind.folder import CheckFolder, Settings, claimed, diagnosis_digest
 from gtpin.bench.blind.judge import judge
 from gtpin.bench.blind.judged import Judged
-from gtpin.bench.blind.others import given, source_digest, take_in
-from gtpin.bench.blind.truth import SealError, Truth, digest_of, files_of, opened, read_manifest, seal, write_manifest
+from gtpin.bench.blind.truth import (
+    SealError,
+    Truth,
+    digest_of,
+    files_of,
+    given,
+    opened,
+    read_manifest,
+    seal,
+    source_digest,
+    take_in,
+    write_manifest,
+)
 from gtpin.bench.blind.worker import Outcome, diagnose_alone
 from gtpin.bench.simulator.instruments.build import checked
 from gtpin.bench.simulator.recipe import digest as plant_digest

@@ -61,15 +61,13 @@ def blind(
 
 
 def _text(result: dict[str, Any]) -> str:
-    lines = [f"{result['cases']} cases, {len(result['failures'])} failed", ""]
+    from gtpin.bench.blind.page import figure_table
+
+    lines = [f"{result['cases']} cases, {len(result['failures'])} failed"]
     if changed := result["check"].get("changed"):
-        lines[1:1] = [f"{len(changed)} files were changed since they were first sealed or diagnosed"]
-    for row in result["figures"]:
-        if row["value"] is not None:
-            bounds = "" if row["low"] is None else f"({row['low']:.3f} .. {row['high']:.3f})"
-            target = "".join(
-                f"{sign} {row[key]}" for sign, key in ((">=", "least"), ("<=", "most")) if row[key] is not None
-            )
-            mark = {True: "", False: "  missed", None: ""}[row["reached"]]
-            lines.append(f"  {row['figure']:<70} {row['value']:7.3f} {bounds:<18} of {row['of']:<5}{target}{mark}")
+        lines.append(f"{len(changed)} files were changed since they were first sealed or diagnosed")
+    rows = ((*row, figure["value"]) for row, figure in zip(figure_table(result).rows, result["figures"], strict=True))
+    for name, value, within, of, target, mark, known in rows:
+        if known is not None:
+            lines.append(f"  {name:<70} {value:>7} {within:<16} of {of:<5}{target:<7} {mark}".rstrip())
     return "\n".join(lines)

@@ -11,7 +11,7 @@ import numpy as np
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
-from gtpin.bench.simulator.causes.cause import Cause
+from gtpin.bench.simulator.causes.kinds import Cause
 from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.noncentrality import Past, Response, effects_of
 from gtpin.bench.simulator.poses import VirtualPoses

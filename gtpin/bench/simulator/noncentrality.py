@@ -11,8 +11,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from gtpin.bench.simulator.arm_machine import ArmMachine
-from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.causes.kinds import kind, listed
+from gtpin.bench.simulator.causes.kinds import Cause, kind, listed
 from gtpin.bench.simulator.instruments.gauge import Gauge
 from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.poses import VirtualPoses, exp

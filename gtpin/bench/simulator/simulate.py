@@ -12,9 +12,9 @@ from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.machine import well_conditioned
 from gtpin.bench.simulator.poses import AXES, VirtualPoses
+from gtpin.bench.simulator.rod_machine import Universal
 from gtpin.bench.simulator.rods import Rods
 from gtpin.bench.simulator.truth import Simulation
-from gtpin.bench.simulator.universal import Universal
 from gtpin.bench.simulator.visits import REPEATED, ids
 from gtpin.data import Commands, Dataset, InstrumentSection
 from gtpin.errors import GtpinError, ModelError

@@ -7,7 +7,7 @@ import pytest
 
 import gtpin
 from gtpin.bench.blind.draw import POWER_NONCENTRALITY, SHARES, Draft, drafts, made, truth_of
-from gtpin.bench.blind.others import kind_of
+from gtpin.bench.blind.truth import kind_of
 from gtpin.effects.catalogue import OWN
 
 

@@ -13,9 +13,9 @@ from handmade import Quiet, canned, cause, diagnosis, write_case
 
 import gtpin.bench.blind.run
 from gtpin.bench.blind.draw import Draft
-from gtpin.bench.blind.others import given, take_in
 from gtpin.bench.blind.run import check, check_given
 from gtpin.bench.blind.score import score
+from gtpin.bench.blind.truth import given, take_in
 from gtpin.bench.blind.worker import Outcome
 from gtpin.bench.simulator.case import Case, drawn_recipe
 from gtpin.bench.simulator.instruments.build import build_measured

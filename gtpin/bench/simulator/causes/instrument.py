@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.bench.simulator.causes.cause import Site
 from gtpin.bench.simulator.fields import curve
 from gtpin.bench.simulator.machine import Deviation
-from gtpin.bench.simulator.situation import Postures
+from gtpin.bench.simulator.situation import Postures, Site
 
 SIZES = np.array([2.5e-5] * 3 + [5e-6] * 3)
 """Typical shift, m, and rotation, rad, of the instrument: at some metres of distance both have similar effects."""

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.bench.simulator.causes.cause import Site
 from gtpin.bench.simulator.causes.with_rods import GIVE, STRETCH
 from gtpin.bench.simulator.fields import Field, curve, play
 from gtpin.bench.simulator.machine import REACH, Deviation
 from gtpin.bench.simulator.poses import across
-from gtpin.bench.simulator.situation import ArmSituation, Postures, RodSituation
+from gtpin.bench.simulator.situation import ArmSituation, Postures, RodSituation, Site
 
 
 def hose_drag(now: RodSituation, site: Site, rng: np.random.Generator) -> Deviation:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.bench.simulator.causes.cause import Site
 from gtpin.bench.simulator.fields import Field, curve, uneven_curve
 from gtpin.bench.simulator.machine import REACH, Deviation
-from gtpin.bench.simulator.situation import STEEL, Postures, RodSituation
+from gtpin.bench.simulator.situation import STEEL, Postures, RodSituation, Site
 from gtpin.typing import Floats
 
 

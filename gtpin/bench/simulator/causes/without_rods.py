@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtpin.bench.simulator.causes.cause import Site
 from gtpin.bench.simulator.causes.with_rods import hertz
 from gtpin.bench.simulator.fields import Field, curve, uneven_curve
 from gtpin.bench.simulator.machine import REACH, Deviation
 from gtpin.bench.simulator.poses import across
-from gtpin.bench.simulator.situation import ArmSituation
+from gtpin.bench.simulator.situation import ArmSituation, Site
 from gtpin.typing import Floats
 
 
