@@ -118,9 +118,6 @@ class Answer(BaseModel, frozen=True, extra="forbid"):
 
 
 SCORE_SCHEMA = "gtpin-benchmark-score/1"
-MISSING = "there is no answer"
-SINGLE = ("one", "power")
-"""Kinds of cases with one effect of the catalogue. Rough cases are left out: they can lack a column that the effect needs."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +164,7 @@ def _scored(public: PublicSet, folder: Path, file: Path, name: str) -> Scored:
         truth=effects if len(effects) == 1 else truth.effects,
         listed=all(effect.effect in effects_by_id() for effect in effects),
         said=answer.statement if answer else None,
-        error=None if answer else MISSING,
+        error=None if answer else "there is no answer",
     )
     if answer is None:
         return Scored(judged, None, None)
@@ -203,7 +200,7 @@ def figures(cases: Iterable[Scored]) -> dict[str, Rate]:
     """All figures, by their names; each over the cases for which it is defined."""
     scored = list(cases)
     every = [case.judged for case in scored]
-    one = [c for c in every if c.kind in SINGLE]
+    one = [c for c in every if c.kind in ("one", "power")]  # rough ones can lack a column that the effect needs
     seen, clear = [c for c in one if c.noncentrality > VISIBLE], [c for c in one if c.leaves > VISIBLE]
     several = [c for c in every if c.kind in ("two", "three") and c.names - c.not_visible]
     none, unlisted = [c for c in every if c.kind == "none"], [c for c in every if c.kind == "unlisted"]

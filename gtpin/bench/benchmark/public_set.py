@@ -91,8 +91,6 @@ class PublicSet(BaseModel, frozen=True):
 CASES, TRUTHS = "cases", "truths"
 ROBOT = "robot.urdf"
 DECIMALS = 7
-COARSE = {"temp_frame": 3, "temp_link": 3}
-"""Number of decimals of the columns that have fewer than ``DECIMALS``."""
 DIGITS = 4
 """Significant digits of the noise and of energies, in truths."""
 NOTHING = 1e-3
@@ -194,7 +192,7 @@ def rounded_rows(rows: Iterable[Iterable[float]]) -> tuple[tuple[float, ...], ..
 def round_table(file: Path) -> None:
     """Round all numbers of a CSV file that have a decimal point or an exponent; whole numbers and words stay."""
     head, *lines = file.read_text(encoding="utf-8").splitlines()
-    decimals = [COARSE.get(name, DECIMALS) for name in head.split(",")]
+    decimals = [3 if name.startswith("temp_") else DECIMALS for name in head.split(",")]
 
     def cell(text: str, decimals: int) -> str:
         whole = text.lstrip("-").isdigit()

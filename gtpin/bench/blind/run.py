@@ -37,8 +37,6 @@ from gtpin.errors import GtpinError, warn
 from gtpin.spread import check_cluster, spread, workers
 from gtpin.threads import in_one_thread
 
-TAKEN_OUT = 2
-"""One in this many of the cases with one effect is diagnosed again with the effect removed from the catalogue."""
 SHOWN = 10
 """Number of changed files that a warning names; score.json has all."""
 SUSPECTS = 16
@@ -212,7 +210,7 @@ def _taken_out(truths: Mapping[str, Truth]) -> dict[str, tuple[str, ...]]:
     for name, truth in truths.items():
         if truth.kind == "one":
             effect = truth.effects[0].effect
-            if count[effect] % TAKEN_OUT == 0:
+            if count[effect] % 2 == 0:
                 found[name] = (effect,)
             count[effect] += 1
     return found

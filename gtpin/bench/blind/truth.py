@@ -128,9 +128,6 @@ def read_json(file: Path, kind: type[Content], hint: str) -> Content:
         raise GtpinError(f"no JSON that can be read ({str(error)[:80]})", file=file, hint="correct the file") from None
 
 
-MANIFEST = "gtpin-blind-manifest/1"
-
-
 class SealError(GtpinError):
     """The truth is missing, or its digest is not the published one."""
 
@@ -201,7 +198,7 @@ def write_manifest(file: Path, digests: Mapping[str, str], plant: str | None) ->
 
     ``plant``: digest of the sources of the simulated machine; None where somebody else made the cases.
     """
-    manifest = {"schema": MANIFEST, "plant": plant, "truths": dict(sorted(digests.items()))}
+    manifest = {"schema": "gtpin-blind-manifest/1", "plant": plant, "truths": dict(sorted(digests.items()))}
     with placed_file(file) as unfinished:
         unfinished.write_bytes((json.dumps(manifest, indent=1) + "\n").encode())
 

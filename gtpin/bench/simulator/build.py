@@ -29,9 +29,6 @@ from gtpin.robot.chain import Chain
 from gtpin.robot.library import load_robot
 from gtpin.typing import Floats, Ints
 
-LATER = 600.0
-"""Time from the day's last visit to the first later one, where the commands have no column ``time``, s."""
-
 
 @cache
 def known_robot(robot: str) -> Chain | Arm:
@@ -161,7 +158,7 @@ def _later(
         return np.column_stack([wanted(f"{name}{i + 1}", otherwise[:, i]) for i in range(q.shape[1])])
 
     last = float(day.time[-1])
-    time = wanted("time", last + LATER + conditions.interval * np.arange(total))
+    time = wanted("time", last + 600.0 + conditions.interval * np.arange(total))
     if not total or time[0] <= last or (np.diff(time) < 0.0).any():
         raise GtpinError("times that do not go on from the day", hint=f"give ascending times after {last:.0f} s")
     speed = each("speed", np.zeros_like(q))

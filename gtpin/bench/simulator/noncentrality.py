@@ -86,15 +86,8 @@ class Response:
 
 FREE = 3.0
 """Prior sigma of unknowns of which nothing is known, m and rad: so large that it has no influence."""
-BESIDE = (2.0, 12.0)
-"""Range from which the joint energy of a machine's weak effects, too weak to be detected, is drawn beside a wanted effect."""
-ALONE = (0.5, 4.0)
-"""The same range where it has none."""
-MANY = (2, 5)
 MOST = 2.0
 """Largest amplitude of a weak effect, in typical sizes: one with little energy is not made larger."""
-CLOSE = 1e-3
-STEPS = 6
 
 
 @dataclass(frozen=True)
@@ -185,9 +178,9 @@ def amplitude_for(
 ) -> float:
     """Amplitude of a cause, in typical sizes, at which it has an E at the visits ``rows``; at most ``largest``."""
     amplitude = 1.0
-    for _ in range(STEPS):
+    for _ in range(6):
         reached = past.noncentrality(response.displacement([(cause, amplitude)])[rows])
-        if abs(reached - noncentrality) <= CLOSE * noncentrality:
+        if abs(reached - noncentrality) <= 1e-3 * noncentrality:
             break
         # The energy is almost proportional to the square of the amplitude.
         wanted = amplitude * np.sqrt(noncentrality / reached) if reached > 0.0 else largest
@@ -204,7 +197,7 @@ def weak_others(
     causes, shares, displaced = [], [], []
     robot = response.machine.robot
     kinds = [one for one in listed(robot) if not one.newer]
-    for i in rng.choice(len(kinds), size=int(rng.integers(MANY[0], MANY[1] + 1)), replace=False):
+    for i in rng.choice(len(kinds), size=int(rng.integers(2, 6)), replace=False):
         site = str(rng.choice(kinds[i].sites(robot)))
         if (kinds[i].name, site) in taken:
             continue
@@ -215,7 +208,7 @@ def weak_others(
         causes.append(cause)
         shares.append(share)
         displaced.append(share * displacement)
-    wanted = float(rng.uniform(*(BESIDE if taken else ALONE)))
+    wanted = float(rng.uniform(*((2.0, 12.0) if taken else (0.5, 4.0))))  # too weak to be detected
     if not causes:
         return [], 0.0
     whole = past.noncentrality(np.sum(displaced, axis=0))

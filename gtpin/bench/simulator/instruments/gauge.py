@@ -175,12 +175,6 @@ def drawn_targets(instrument: str, targets: dict[str, Place], rng: np.random.Gen
     return found
 
 
-INNER = (5.0, 95.0)
-"""Percentiles of the TCP's coordinates that bound the workspace."""
-MILLIMETRE = 3
-"""Decimals to which places are declared, in m."""
-
-
 @dataclass(frozen=True, eq=False)
 class Layout:
     """The workspace of a robot."""
@@ -192,11 +186,11 @@ class Layout:
 
     @staticmethod
     def of(poses: VirtualPoses, gravity: Floats, freedoms: int) -> Layout:
-        """The workspace that some poses of the TCP fill."""
+        """The workspace that some poses of the TCP fill, from the 5th to the 95th percentile of their coordinates."""
         size = float(np.linalg.norm(gravity))
         up = 0.0 - gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
         axes = np.vstack([across(up), up])
-        low, high = np.percentile(poses.T @ axes.T, INNER, axis=0)
+        low, high = np.percentile(poses.T @ axes.T, (5.0, 95.0), axis=0)
         return Layout((low + high) / 2.0 @ axes, axes, (high - low) / 2.0, freedoms)
 
     @property
@@ -220,5 +214,5 @@ class Layout:
 
 
 def _rounded(place: Floats) -> Place:
-    x, y, z = (float(value) for value in np.round(place, MILLIMETRE) + 0.0)
+    x, y, z = (float(value) for value in np.round(place, 3) + 0.0)
     return x, y, z
