@@ -15,8 +15,7 @@ from rich.progress import Progress
 
 from gtpin.bench.blind.draw import ROBOT, Draft, drafts, made, truth_of
 from gtpin.bench.blind.folder import CheckFolder, Settings, claimed, diagnosis_digest
-from gtpin.bench.blind.judge import judge
-from gtpin.bench.blind.judged import Judged
+from gtpin.bench.blind.judged import Judged, judge
 from gtpin.bench.blind.truth import (
     SealError,
     Truth,

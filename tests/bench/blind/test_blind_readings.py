@@ -17,8 +17,7 @@ import gtpin.bench.blind.draw
 import gtpin.bench.blind.run
 from gtpin.bench.blind.difficulty import Difficulty
 from gtpin.bench.blind.draw import Draft, made, recipe, truth_of
-from gtpin.bench.blind.judge import judge
-from gtpin.bench.blind.judged import Judged
+from gtpin.bench.blind.judged import Judged, judge
 from gtpin.bench.blind.run import check, check_given
 from gtpin.bench.blind.truth import Truth, digest_of, seal
 from gtpin.bench.blind.worker import Outcome, readings_at

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import gtpin
 from gtpin.bench.blind.draw import drafts, made, truth_of
-from gtpin.bench.blind.judge import judge
+from gtpin.bench.blind.judged import judge
 from gtpin.bench.blind.truth import digest_of, seal
 from gtpin.bench.blind.worker import Outcome
 from gtpin.bench.simulator.case import drawn_recipe
