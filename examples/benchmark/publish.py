@@ -17,7 +17,7 @@ import numpy as np
 
 import gtpin
 from gtpin.bench.benchmark.public_set import CASES, FILE, SCHEMA, Block, MadeCase, PublicSet, make, rounded_energy
-from gtpin.bench.blind.judge import difficulty_of, gradable
+from gtpin.bench.blind.judged import difficulty_of, gradable
 from gtpin.bench.simulator.recipe import digest
 from gtpin.calibration.calibrate import calibrate
 from gtpin.data import Dataset

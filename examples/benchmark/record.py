@@ -15,8 +15,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from gtpin.bench.benchmark.answer import Scored, figures, geometric_mean, score_answers
 from gtpin.bench.benchmark.public_set import PublicSet
-from gtpin.bench.benchmark.score import Scored, figures, geometric_mean, score_answers
 
 RECORD = Path(__file__).parents[2] / "docs" / "figures" / "benchmark.json"
 RIVALS = (

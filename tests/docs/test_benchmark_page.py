@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from gtpin.bench.benchmark.answer import SCHEMA, Answer
+from gtpin.bench.benchmark.answer import SCHEMA, Answer, figures, score_answers
 from gtpin.bench.benchmark.public_set import CASES, PublicSet, make
-from gtpin.bench.benchmark.score import figures, score_answers
 
 pytestmark = pytest.mark.slow
 

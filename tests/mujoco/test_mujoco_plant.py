@@ -9,7 +9,7 @@ import pytest
 from spring_machine import SpringMachine, Springs
 
 import gtpin
-from gtpin.bench.simulator.causes.cause import Cause
+from gtpin.bench.simulator.causes.kinds import Cause
 from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise

@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from pydantic import BaseModel, Field
 
-from gtpin.bench.blind.draw import Draft, drafts, written
+from gtpin.bench.blind.draw import Draft, drafts, made, truth_of
 from gtpin.bench.blind.truth import TruePoses, TrueReadings, Truth, digest_of, digest_of_files, files_of
 from gtpin.bench.simulator.truth import InstrumentCase
 from gtpin.data.files import read_bytes, read_table, write_table
@@ -91,11 +90,7 @@ class PublicSet(BaseModel, frozen=True):
 
 CASES, TRUTHS = "cases", "truths"
 ROBOT = "robot.urdf"
-KNOWN = ("station", "target", "plane")
-"""Columns that say what an instrument reads, or what is touched."""
 DECIMALS = 7
-COARSE = {"temp_frame": 3, "temp_link": 3}
-"""Number of decimals of the columns that have fewer than ``DECIMALS``."""
 DIGITS = 4
 """Significant digits of the noise and of energies, in truths."""
 NOTHING = 1e-3
@@ -117,16 +112,14 @@ def make(draft: Draft, folder: Path) -> MadeCase:
     """Write a case: ``cases/NAME/`` for solvers, ``truths/NAME.json`` for the scorer."""
     place = folder / CASES / draft.name
     place.mkdir(parents=True, exist_ok=True)
-    case, truth = written(draft, place)
-    # For an instrument that reads anywhere, the held-out commands, with what it reads at each: stations or targets are those of
-    # the dataset in turn, in alphabetical order, as in the truth.
-    for name in case.held if isinstance(case, InstrumentCase) else ():
-        held = dict(read_table(place / "commands.csv").columns)
-        own = read_table(place / f"{name}.csv", ids=KNOWN).columns
-        for column in (column for column in KNOWN if column in own):
-            ids = np.array(sorted(set(own[column].tolist())), dtype=object)
-            held[column] = ids[np.arange(len(held["pose"])) % len(ids)]
-        write_table(place / f"commands-{name}.csv", held)
+    case = made(draft)
+    case.write_dataset(place)
+    truth = truth_of(case, draft.kind)
+    # For an instrument that reads anywhere, the held-out commands, with what it reads at each, as in the truth.
+    for gauge in case.gauges if isinstance(case, InstrumentCase) else ():
+        if not gauge.touches:
+            held = read_table(place / "commands.csv").columns
+            write_table(place / f"commands-{gauge.name}.csv", {**held, **gauge.in_turn(len(case.commands)).ids})
     if (urdf := Path(draft.robot)).suffix == ".urdf":  # it is copied into the dataset's folder, and named there
         (place / ROBOT).write_bytes(urdf.read_bytes())
         lines = (place / "dataset.toml").read_text(encoding="utf-8").splitlines()
@@ -141,21 +134,15 @@ def make(draft: Draft, folder: Path) -> MadeCase:
     return MadeCase(draft.name, Published(dataset=digest_of_folder(place), truth=digest_of(content)), truth)
 
 
-def changed(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator[str]:
-    """Names of the cases, among ``names``, whose files do not have the published digests."""
-    other = set(changed_truths(public, folder, names))
-    for name in names:
-        if name in other or digest_of_folder(folder / CASES / name) != public.cases[name].dataset:
-            yield name
-
-
-def changed_truths(public: PublicSet, folder: Path, names: Collection[str]) -> Iterator[str]:
-    """Names of the cases, among ``names``, whose truths do not have the published digests.
+def changed(public: PublicSet, folder: Path, names: Collection[str], *, truths_alone: bool = False) -> Iterator[str]:
+    """Names of the cases, among ``names``, whose files, or only the truths, do not have the published digests.
 
     Raises GtpinError if a truth can't be read.
     """
     for name in names:
-        if digest_of(read_bytes(folder / TRUTHS / f"{name}.json")) != public.cases[name].truth:
+        truth, published = digest_of(read_bytes(folder / TRUTHS / f"{name}.json")), public.cases[name]
+        dataset = published.dataset if truths_alone else digest_of_folder(folder / CASES / name)
+        if (truth, dataset) != (published.truth, published.dataset):
             yield name
 
 
@@ -205,7 +192,7 @@ def rounded_rows(rows: Iterable[Iterable[float]]) -> tuple[tuple[float, ...], ..
 def round_table(file: Path) -> None:
     """Round all numbers of a CSV file that have a decimal point or an exponent; whole numbers and words stay."""
     head, *lines = file.read_text(encoding="utf-8").splitlines()
-    decimals = [COARSE.get(name, DECIMALS) for name in head.split(",")]
+    decimals = [3 if name.startswith("temp_") else DECIMALS for name in head.split(",")]
 
     def cell(text: str, decimals: int) -> str:
         whole = text.lstrip("-").isdigit()

@@ -1,10 +1,9 @@
-"""Draws the cases of a check: the kinds in fixed shares, everything else at random; and leaves some touches out of them."""
+"""Draws the cases of a check: the kinds in fixed shares, everything else at random."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -13,86 +12,10 @@ from gtpin.bench.simulator.build import build, known_robot
 from gtpin.bench.simulator.case import bulk_recipe, drawn_recipe
 from gtpin.bench.simulator.causes.kinds import listed as listed_kinds
 from gtpin.bench.simulator.causes.kinds import unlisted as unlisted_kinds
-from gtpin.bench.simulator.instruments.build import build_measured
-from gtpin.bench.simulator.instruments.gauge import Gauge
+from gtpin.bench.simulator.instruments.build import ONE_IN, build_measured
 from gtpin.bench.simulator.instruments.touch import TOUCHED
-from gtpin.bench.simulator.noncentrality import Past
 from gtpin.bench.simulator.recipe import Recipe, SimulatedNoise
 from gtpin.bench.simulator.truth import Case, InstrumentCase
-from gtpin.data.files import write_table
-from gtpin.data.table import Column
-from gtpin.typing import Floats, Ints
-
-ONE_IN = 6
-"""One in this many of an instrument's touches is left out, at random."""
-
-
-@dataclass(frozen=True, eq=False)
-class LeftOutTouches:
-    """M touches of an instrument that are not in its table."""
-
-    name: str  # Name of the instrument
-    columns: dict[str, Column]  # Ids, commands, covariates and what is touched, as in a table
-    # (M, c) distance of the target from what it touches, of a machine that returns exactly to its commands (no model
-    # predicts the scatter of its repeatability), and the noise of the touch, m
-    values: Floats
-    sigma: Floats
-
-    def write(self, folder: Path) -> None:
-        """Write ``commands-NAME.csv`` into a dataset's folder."""
-        write_table(folder / f"commands-{self.name}.csv", self.columns)
-
-
-def without_some_touches(case: InstrumentCase) -> tuple[InstrumentCase, tuple[LeftOutTouches, ...]]:
-    """A case without some touches, and these touches. E is computed again for the remaining rows.
-
-    No touch is left out where an encoder measures too: the displacements of its joint are not known here, so E can't be
-    computed again.
-    """
-    if case.recipe is None or case.true.joints or not any(gauge.touches for gauge in case.gauges):
-        return case, ()
-    data = case.dataset
-    found, gauges, tables, every = [], list[Gauge](), [], []
-    for gauge, read in zip(case.gauges, data.read, strict=True):
-        kept = np.ones(len(gauge.stop), dtype=bool)
-        if gauge.touches:
-            rng = np.random.default_rng(np.random.SeedSequence([case.recipe.seed, 9, *gauge.name.encode()]))
-            kept[rng.permutation(len(kept))[: len(kept) // ONE_IN]] = False
-            out = gauge.take(~kept)
-            values = out.readings(case.steady[out.stop], out.truth)
-            found.append(LeftOutTouches(gauge.name, data.table(read.take(~kept)), values, out.sigma))
-        gauges.append(gauge.take(kept))
-        tables.append(read.take(kept))
-        every.append(kept)
-    effects = tuple(replace(effect, displacement=effect.displacement[np.concatenate(every)]) for effect in case.effects)
-    fewer = replace(case, gauges=tuple(gauges), dataset=replace(data, read=tuple(tables)), effects=effects)
-    used, rows = stops(fewer), np.concatenate([gauge.stop for gauge in gauges])
-    here = [replace(gauge, stop=np.searchsorted(used, gauge.stop)) for gauge in gauges]
-    by_tolerance = case.machine.by_tolerance(data.q[used], case.true[used])
-    past, again = Past.of_readings(here, case.true[used], by_tolerance, jitter(fewer)[used]), []
-    for effect in effects:
-        at_stops = np.zeros((len(data.q), 6))
-        at_stops[rows] = effect.displacement
-        again.append(replace(effect, noncentrality=past.noncentrality(at_stops[used])))
-    return replace(fewer, effects=tuple(sorted(again, key=lambda effect: -effect.noncentrality))), tuple(found)
-
-
-def jitter(case: InstrumentCase) -> Floats:
-    """(N, 6 + k, n) motions of the poses at stops, and of k joints, by 1 sigma of each actuator's repeatability, m and rad.
-
-    NaN at stops at which no instrument measures.
-    """
-    used = stops(case)
-    by_command = case.machine.command_jacobian(case.dataset.q[used], case.true[used])
-    found = np.full((len(case.dataset.q), *by_command.shape[1:]), np.nan)
-    found[used] = by_command * case.repeatability
-    return found
-
-
-def stops(case: InstrumentCase) -> Ints:
-    """Indices of the stops at which an instrument measures."""
-    return np.unique(np.concatenate([gauge.stop for gauge in case.gauges]))
-
 
 ROBOT = "gantry_tau"
 SHARES: dict[Kind, float] = {
@@ -166,9 +89,7 @@ def drafts(
 
 
 def recipe(draft: Draft) -> Recipe:
-    """The recipe of a case. Where only touching instruments measure, touches are added for those that
-    :func:`~gtpin.bench.blind.draw.without_some_touches` leaves out.
-    """
+    """The recipe of a case. Where only touching instruments measure, touches are added for those that are left out."""
     if draft.kind == "rough":
         found = bulk_recipe(draft.seed, rough=True, robot=draft.robot)
     else:
@@ -181,23 +102,14 @@ def recipe(draft: Draft) -> Recipe:
 
 
 def made(draft: Draft) -> Case | InstrumentCase:
-    """Make a case by the simulator, measured by the draft's instruments, or by a tracker."""
-    return build_measured(recipe(draft), draft.instruments) if draft.instruments else build(recipe(draft))
+    """Make a case by the simulator, measured by the draft's instruments with some touches left out, or by a tracker."""
+    if draft.instruments:
+        return build_measured(recipe(draft), draft.instruments, leave_out=True)
+    return build(recipe(draft))
 
 
-def written(draft: Draft, place: Path) -> tuple[Case | InstrumentCase, Truth]:
-    """Make a case and write its dataset, its commands and the touches that are left out to a folder."""
-    case, left_out = made(draft), tuple[LeftOutTouches, ...]()
-    if isinstance(case, InstrumentCase):
-        case, left_out = without_some_touches(case)
-    case.write_dataset(place)
-    for touches in left_out:
-        touches.write(place)
-    return case, truth_of(case, draft.kind, left_out)
-
-
-def truth_of(case: Case | InstrumentCase, kind: Kind, left_out: Sequence[LeftOutTouches] = ()) -> Truth:
-    """The truth of a case, to be sealed; ``left_out`` are the touches that are not in the case.
+def truth_of(case: Case | InstrumentCase, kind: Kind) -> Truth:
+    """The truth of a case, to be sealed.
 
     Where other instruments than a tracker alone measured, it has true readings in place of true poses, because readings alone
     do not determine where the base is: at the held-out commands, for touching instruments at the touches that were left out. It
@@ -214,10 +126,10 @@ def truth_of(case: Case | InstrumentCase, kind: Kind, left_out: Sequence[LeftOut
         truth["sigma"] = (usual.position_sigma,) * 3 + (usual.orientation_sigma,) * 3
         return Truth.model_validate(truth)
     if "poses" not in truth:
-        held = case.held | {one.name: (one.values, one.sigma) for one in left_out}
-        truth["readings"] = [{"name": name, "values": z.tolist(), "sigma": s.tolist()} for name, (z, s) in held.items()]
+        held = case.held.items()
+        truth["readings"] = [{"name": name, "values": z.tolist(), "sigma": s.tolist()} for name, (z, s) in held]
     if case.recipe is not None:
-        moves, noise = jitter(case), []
+        moves, noise = case.machine.command_jacobian(case.dataset.q, case.true) * case.repeatability, []
         for gauge in case.gauges:
             sigma = gauge.scattered(gauge.by_motion(case.true[gauge.stop]), moves[gauge.stop])
             noise.append({"name": gauge.name, "sigma": sigma.tolist()})

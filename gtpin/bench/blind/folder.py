@@ -91,8 +91,7 @@ class CheckFolder:
         changed += [f"{kind} of {name}" for name in known if name not in digests]
         if new:
             known.update(new)
-            with placed_file(claim) as unfinished:
-                unfinished.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+            _write(claim, json.dumps(content, indent=1))
         return changed
 
     def digests(self, names: Iterable[str]) -> dict[str, str]:
@@ -142,8 +141,7 @@ class CheckFolder:
     def keep(self, name: str, outcome: Outcome, seconds: float, without: bool = False) -> None:
         """Write the outcome, and to another file the time that it took."""
         file = self._outcome_file(name, without)
-        with placed_file(file) as unfinished:
-            unfinished.write_text(outcome.model_dump_json() + "\n", encoding="utf-8")
+        _write(file, outcome.model_dump_json())
         with writing(self.root), (self.root / "seconds.txt").open("a", encoding="utf-8") as log:
             log.write(f"{file.stem} {seconds:.2f}\n")
 
@@ -158,9 +156,7 @@ class CheckFolder:
 
     def publish(self, name: str, truth: Truth) -> None:
         """Write an opened truth next to the datasets, so that others can read it and score the cases again."""
-        text = truth.model_dump_json(exclude={"poses"}, exclude_none=True) + "\n"
-        with placed_file(self.cases / f"{name}.truth.json") as unfinished:
-            unfinished.write_text(text, encoding="utf-8")
+        _write(self.cases / f"{name}.truth.json", truth.model_dump_json(exclude={"poses"}, exclude_none=True))
         if (poses := truth.poses) is not None:
             columns: dict[str, Column] = {"pose": np.array(poses.pose, dtype=object)}
             columns |= dict(zip(POSITION, poses.T.T, strict=True))
@@ -168,6 +164,11 @@ class CheckFolder:
                 columns |= dict(zip(ORIENTATION, np.array(poses.orientation).T, strict=True))
             with placed_file(self.cases / f"{name}.truth.csv") as unfinished:
                 write_table(unfinished, columns)
+
+
+def _write(file: Path, text: str) -> None:
+    with placed_file(file) as unfinished:
+        unfinished.write_text(text + "\n", encoding="utf-8")
 
 
 SCHEMA = "gtpin-blind/1"
@@ -212,10 +213,10 @@ def _claim(folder: CheckFolder, settings: Settings, force: bool) -> None:
     content = {"schema": SCHEMA, **asdict(settings)}
     there = _there(folder)
     other = next((name for name, value in content.items() if there.get(name) != value), None)
-    in_the_way = not _unbegun(folder) if there else _has_foreign_files(folder)
-    if other and not in_the_way:
+    foreign = [entry for entry in folder.root.iterdir() if not entry.name.startswith((UNFINISHED, MARKER))]
+    if other and there and _unbegun(folder):
         _give_up(folder)
-    elif other:
+    elif other and (there or foreign):
         if not force:
             words = {"diagnosis": "sources of the diagnosis", "plant": "sources of the plant", "source": "cases"}
             what = f"the folder belongs to another check: other {words.get(other, other)}"
@@ -227,17 +228,12 @@ def _claim(folder: CheckFolder, settings: Settings, force: bool) -> None:
             if os.path.lexists(place):
                 os.replace(place, aside(place))
     refuse_foreign(folder.root, SCORE_FILES, force)
+    if not _there(folder):
+        _write(folder.root / CLAIM, json.dumps(content, indent=1))
     for part in folder.parts:
         part.mkdir(exist_ok=True)
         for unfinished in part.glob(f"{UNFINISHED}*"):  # of a run that was killed
             unfinished.unlink()
-    if not _there(folder):
-        try:
-            with placed_file(folder.root / CLAIM) as new:
-                new.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        except GtpinError:
-            _give_up(folder)
-            raise
 
 
 def _there(folder: CheckFolder) -> dict[str, object]:
@@ -260,16 +256,3 @@ def _give_up(folder: CheckFolder) -> None:
         shutil.rmtree(part, ignore_errors=True)
     with contextlib.suppress(OSError):
         (folder.root / CLAIM).unlink()
-
-
-def _has_foreign_files(folder: CheckFolder) -> bool:
-    """Whether a folder without a check has files that are no remains of a crash: empty parts, or an empty claim."""
-    for entry in folder.root.iterdir():
-        if entry in folder.parts and entry.is_dir():
-            remains = not any(entry.iterdir())
-        else:
-            empty = entry.name == CLAIM and entry.is_file() and not entry.is_symlink() and entry.stat().st_size == 0
-            remains = empty or entry.name.startswith((UNFINISHED, MARKER))
-        if not remains:
-            return True
-    return False

@@ -51,15 +51,15 @@ def score(
     as_json: AsJson = False,
 ) -> None:
     """Compare a solver's answers with the truths."""
-    from gtpin.bench.benchmark.public_set import PublicSet, changed_truths
-    from gtpin.bench.benchmark.score import figures, score_answers, to_json
+    from gtpin.bench.benchmark.answer import figures, score_answers, to_json
+    from gtpin.bench.benchmark.public_set import PublicSet, changed
 
     if not answers.is_dir():
         raise GtpinError("there is no such folder", file=answers, hint="name the folder of the answers")
     public = PublicSet.read()
     names = public.chosen(case)
     found = score_answers(public, made, answers, names)
-    if other := list(changed_truths(public, made, names)):
+    if other := list(changed(public, made, names, truths_alone=True)):
         warn(f"{len(other)} of {len(names)} truths are not those that were published: {', '.join(other[:5])}")
     with results_folder(output, ("score.json",), force=force) as folder:
         write_json(folder / "score.json", to_json(found))

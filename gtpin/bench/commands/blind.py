@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,7 +10,6 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from gtpin.bench.commands.simulate import Instruments
-from gtpin.bench.simulator.recipe import digest
 from gtpin.commands.terminal import AsJson, Force, Output, Seed, tell, write_json
 from gtpin.errors import GtpinError
 from gtpin.output.results import results_folder
@@ -47,11 +44,13 @@ def blind(
     if source is not None and (cases is not None or robot is not None or instrument):
         one = "--cases" if cases is not None else "--robot" if robot is not None else "--instrument"
         raise GtpinError(f"{one} and --from", hint=f"--from takes all cases of its folder: leave {one} out")
-    with _watched(None if source else digest()) as watch:
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
         if source is not None:
-            checked = check_given(output, source, watch, cluster, force=force)
+            checked = check_given(output, source, bars, cluster, force=force)
         else:
-            checked = check(output, cases or CASES, seed, watch, cluster, robot or ROBOT, instrument or (), force=force)
+            checked = check(output, cases or CASES, seed, bars, cluster, robot or ROBOT, instrument or (), force=force)
     result = score(checked.cases, checked.about)
     with results_folder(output, SCORE_FILES, force=force) as folder:
         write_json(folder / "judged.json", [case.model_dump(mode="json", exclude_none=True) for case in checked.cases])
@@ -62,50 +61,13 @@ def blind(
 
 
 def _text(result: dict[str, Any]) -> str:
-    lines = [f"{result['cases']} cases, {len(result['failures'])} failed", ""]
+    from gtpin.bench.blind.page import figure_table
+
+    lines = [f"{result['cases']} cases, {len(result['failures'])} failed"]
     if changed := result["check"].get("changed"):
-        lines[1:1] = [f"{len(changed)} files were changed since they were first sealed or diagnosed"]
-    for row in result["figures"]:
-        if row["value"] is not None:
-            bounds = "" if row["low"] is None else f"({row['low']:.3f} .. {row['high']:.3f})"
-            target = "".join(
-                f"{sign} {row[key]}" for sign, key in ((">=", "least"), ("<=", "most")) if row[key] is not None
-            )
-            mark = {True: "", False: "  missed", None: ""}[row["reached"]]
-            lines.append(f"  {row['figure']:<70} {row['value']:7.3f} {bounds:<18} of {row['of']:<5}{target}{mark}")
+        lines.append(f"{len(changed)} files were changed since they were first sealed or diagnosed")
+    rows = ((*row, figure["value"]) for row, figure in zip(figure_table(result).rows, result["figures"], strict=True))
+    for name, value, within, of, target, mark, known in rows:
+        if known is not None:
+            lines.append(f"  {name:<70} {value:>7} {within:<16} of {of:<5}{target:<7} {mark}".rstrip())
     return "\n".join(lines)
-
-
-class _Bars:
-    """One bar for each part of the work."""
-
-    def __init__(self, bars: Progress, plant: str | None) -> None:
-        self._bars, self._plant = bars, plant
-        self._task = bars.add_task("", visible=False, total=0)
-
-    def published(self, digest: str) -> None:
-        """Print the digests of the plant, if it made the cases, and of the manifest."""
-        if self._plant:
-            self._bars.console.print(f"plant {self._plant}", soft_wrap=True, highlight=False)
-        self._bars.console.print(f"manifest {digest}", soft_wrap=True, highlight=False)
-
-    def begin(self, what: str, total: int, done: int) -> None:
-        """Start the bar of a part."""
-        self._task = self._bars.add_task(what, total=total, completed=done)
-
-    def one_more(self) -> None:
-        """Advance the latest bar by one."""
-        self._bars.advance(self._task)
-
-
-@contextmanager
-def _watched(plant: str | None) -> Iterator[_Bars]:
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
-        yield _Bars(bars, plant)

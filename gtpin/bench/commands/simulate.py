@@ -12,16 +12,14 @@ import typer
 from gtpin.bench.simulator.case import scenario_recipe, simulate_scenario
 from gtpin.bench.simulator.instruments.build import KINDS, build_measured, simulate_measured
 from gtpin.bench.simulator.simulate import simulate as run_simulation
-from gtpin.bench.simulator.truth import AnyCase, Case, case_folders, dataset_folder, truth_names
+from gtpin.bench.simulator.truth import Simulation, case_folders, truth_names
 from gtpin.commands.terminal import AsJson, Force, Output, Tcp, tell
-from gtpin.data import Commands
 from gtpin.data.files import write_table
 from gtpin.errors import GtpinError
 from gtpin.kinematics.poses import Poses
 from gtpin.model.predict import prediction_columns
 from gtpin.references import seen_from
 from gtpin.robot.library import load_robot
-from gtpin.typing import Floats
 
 ROBOT, POSES, SEED = "gantry_tau", 200, 0
 """Defaults of the simulation."""
@@ -67,43 +65,29 @@ def simulate(
     """
     if scenario is not None and tcp is not None:
         raise GtpinError("--tcp with --scenario", hint="name the TCP in the robot's URDF: <platform link>")
-    if scenario is None and not instrument:
-        name, seed = robot or ROBOT, seed or SEED
-        with dataset_folder(output, force=force) as folder:
-            found = run_simulation(load_robot(name, tcp), seen_from(name, output), poses=poses or POSES, seed=seed)
-            replace(found.dataset, tcp=tcp).write(folder)
-            found.commands.write(folder / "commands.csv")
-            if truth:
-                _write_truth(found.commands, found.truth.T, found.truth.R, folder)
-        rows, also = len(found.dataset), ""
-    else:
-        place = Path(os.path.abspath(output))
-        if not place.name:  # the files with the truth get names made from it
-            raise GtpinError("there is no place for the truth next to it", file=output, hint="name another folder")
-        with case_folders(place, force=force) as (folder, truth_folder):
-            case: AnyCase
-            if scenario is None:
-                name, options = robot or ROBOT, {"poses": poses or POSES, "seed": seed or SEED}
-                case = simulate_measured(load_robot(name, tcp), name, instrument or (), tcp=tcp, **options)
-            elif instrument:
-                case = build_measured(scenario_recipe(scenario, seed=seed, poses=poses, robot=robot), instrument)
-            else:
-                case = simulate_scenario(scenario, seed=seed, poses=poses, robot=robot)
-            dataset: Any = case.dataset
-            measured = replace(case, dataset=replace(dataset, robot=seen_from(dataset.robot, output)))
-            measured.write_dataset(folder)
-            measured.write_truth(truth_folder, place.name)
-            if truth:
-                _write_truth(case.commands, case.truth.T, case.truth.R, folder)
-        if isinstance(case, Case):
-            name, seed = case.recipe.robot, case.recipe.seed
+    plain, place, name = scenario is None and not instrument, Path(os.path.abspath(output)), robot or ROBOT
+    if not plain and not place.name:  # the files with the truth get names made from it
+        raise GtpinError("there is no place for the truth next to it", file=output, hint="name another folder")
+    with case_folders(output, force=force, truth=not plain) as (folder, truth_folder):
+        options: dict[str, Any] = {"poses": poses or POSES, "seed": seed or SEED}
+        case: Simulation
+        if plain:
+            case = run_simulation(load_robot(name, tcp), name, **options)
+        elif scenario is None:
+            case = simulate_measured(load_robot(name, tcp), name, instrument or (), **options)
+        elif instrument:
+            case = build_measured(scenario_recipe(scenario, seed=seed, poses=poses, robot=robot), instrument)
         else:
-            name, seed = measured.dataset.robot, int(case.name.removeprefix("case"))
-        rows, also = len(case.dataset), f", truth: {output.parent / truth_names(place.name)[0]}"
+            case = simulate_scenario(scenario, seed=seed, poses=poses, robot=robot)
+        seen = {"robot": seen_from(case.dataset.robot, output), **({} if scenario else {"tcp": tcp})}
+        case = replace(case, dataset=replace(case.dataset, **seen))
+        case.write_dataset(folder)
+        if not plain:
+            case.write_truth(truth_folder, place.name)
+        if truth:
+            write_table(folder / "truth.csv", prediction_columns(case.commands, Poses(case.truth.T, case.truth.R)))
+    name, seed = (case.recipe.robot, case.recipe.seed) if case.recipe else (name, options["seed"])
+    rows, also = len(case.dataset), "" if plain else f", truth: {output.parent / truth_names(place.name)[0]}"
     result = {"dataset": str(output), "robot": name, "rows": rows, "seed": seed}
     what = "readings" if instrument else "measured poses"
     tell(result, f"{rows} {what} of a virtual {name}. Written: {output}{also}", as_json)
-
-
-def _write_truth(commands: Commands, T: Floats, R: Floats, folder: Path) -> None:
-    write_table(folder / "truth.csv", prediction_columns(commands, Poses(T, R)))

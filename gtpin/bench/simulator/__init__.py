@@ -4,8 +4,8 @@ from gtpin.bench.simulator.build import measure_at
 from gtpin.bench.simulator.case import draw_case, make_case, simulate_scenario
 from gtpin.bench.simulator.instruments.build import build_measured, simulate_measured
 from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise, digest
-from gtpin.bench.simulator.simulate import Simulation, simulate
-from gtpin.bench.simulator.truth import Case, EffectTruth, InstrumentCase
+from gtpin.bench.simulator.simulate import simulate
+from gtpin.bench.simulator.truth import Case, EffectTruth, InstrumentCase, Simulation
 from gtpin.errors import renamed_names
 
 __all__ = [

@@ -26,8 +26,6 @@ TOLERANCE = 5e-4
 """Standard deviation of every placement, per axis, m and rad, where the URDF gives none."""
 CARRIES = 0.2
 """Payload over moving mass, by data sheets: a UR5 has 5 kg and 18 kg, a Panda 3 kg and 16 kg, a UR10 10 kg and 27 kg."""
-SHORTEST_LINK = 0.05
-"""Smallest length of a link, m: the housings of a wrist are longer than the offsets between its axes."""
 SHORTEST = 1.0 / 4096.0
 """Smallest stride, as a share of the way from home to commands. Where shorter ones are needed, these can't be reached."""
 CHANGED = 0.5
@@ -35,8 +33,6 @@ CHANGED = 0.5
 ZERO = 1e-9
 """Ratio to the largest singular value of the slopes below which a singular value is zero: across a planar loop."""
 STEPS = 12
-HOMING = 160
-"""Largest number of Newton's steps at home."""
 CLOSED = 1e-12
 """Gap, m, at which a loop counts as closed."""
 NEARLY = 1e-8
@@ -198,8 +194,8 @@ class Arm:
         return ends[0] if ends else TreeFrame(joint, np.eye(3), np.zeros(3))
 
     def length(self, joint: int) -> float:
-        """Length of the body of a joint, m."""
-        return max(float(np.linalg.norm(self.next_frame(joint).p)), SHORTEST_LINK)
+        """Length of the body of a joint, m: the housings of a wrist are longer than the offsets between its axes."""
+        return max(float(np.linalg.norm(self.next_frame(joint).p)), 0.05)
 
     @cached_property
     def capacity(self) -> float:
@@ -275,7 +271,7 @@ class Arm:
     @cached_property
     def _home(self) -> Floats | None:
         """(J,) coordinates at home, closed from those of the nominal robot; None where the loops don't close."""
-        x = self.closed(self.start[None], self.home_q[None], steps=HOMING)[0]
+        x = self.closed(self.start[None], self.home_q[None], steps=160)[0]
         return x if np.isfinite(x).all() else None
 
     def closed(self, x: Floats, driven: Floats, bending: Bending = STRAIGHT, steps: int = STEPS) -> Floats:

@@ -16,32 +16,17 @@ from gtpin.bench.simulator.tree import STRAIGHT, Bending, Placed, TreeFrame, mov
 from gtpin.errors import UnreachableError
 from gtpin.typing import Floats, Mask
 
-CENTRE_SPREAD = 0.01
-"""Standard deviation of each body's centre of mass, per axis, m."""
-RANGE, WIDEST = 0.6, 2.4
-"""Largest distance of an open chain's command from the middle of its range: over half the range; for a revolute joint, rad."""
-SHARE = 0.95
-"""Used share of each range where loops close. Bad conditioning limits such a machine more than the ends of its ranges."""
 PER_METRE = 5.0
 """Repeatability of a revolute joint, rad, over that of a cart, m. Small arms state 30 um (ISO 9283), which is 3 sigma."""
 NUDGE = 1e-6
 """Step of the central differences from which derivatives are computed, m and rad."""
-FRAME_FREE = np.ones(6)
 TARGET_FREE = np.array([0.3] * 3 + [1.0] * 3)
-"""Prior sigmas of the pose of an unknown frame and of an unknown target, m and rad: so large that they have no influence."""
-NEAR, FAR = 0.25, 0.92
-"""Smallest distance of the TCP from the vertical axis of the base, and largest from its origin, over the stretched length."""
-FLOOR = 0.02
-"""Smallest height of joints and TCP above the base, over the stretched length."""
-FRONT = 2.0
-"""Half the angle of the sector in front of the base, about its x axis, rad."""
-FOLDED = 200
-"""Number of draws after which any commands are taken, where hardly any are in front of the base."""
+"""Prior sigmas of the pose of an unknown target, m and rad, and 1 of an unknown frame: so large that they have no influence."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArmMachine:
-    """An arm with n commanded joints, as :class:`~gtpin.bench.simulator.machine.Machine`.
+    """An arm with n commanded joints, as :class:`~gtpin.bench.simulator.rod_machine.RodMachine`.
 
     Its passive joints close its loops, where there are any, in spite of all deviations.
     """
@@ -78,7 +63,8 @@ class ArmMachine:
 
     @staticmethod
     def draw(robot: Arm, rng: np.random.Generator) -> ArmMachine:
-        """A machine whose parameters deviate from nominal by normal draws from the tolerances, its masses by some per cent."""
+        """A machine whose parameters deviate from nominal by normal draws from the tolerances, its masses by some per cent, its
+        centres of mass by 10 mm per axis."""
         built = ArmMachine.of(robot)
         twists = robot.tolerance * rng.standard_normal((len(robot.placed) + 1, 6))
         return replace(
@@ -86,7 +72,7 @@ class ArmMachine:
             twists=twists[:-1],
             tool=twists[-1],
             masses=built.masses * (1.0 + MASS_SPREAD * rng.standard_normal(len(built.masses))),
-            centres=built.centres + CENTRE_SPREAD * rng.standard_normal(built.centres.shape),
+            centres=built.centres + 0.01 * rng.standard_normal(built.centres.shape),
             ends=robot.tolerance[:3] * rng.standard_normal(built.ends.shape),
         )
 
@@ -205,6 +191,7 @@ class ArmMachine:
         return Deviation.none(visits, self.n_carts, joints=len(self.true.joints))
 
     def jitter(self, sigmas: Floats, visits: int, rng: np.random.Generator) -> Deviation:
+        """Random deviations at every visit, by the repeatabilities ``sigmas`` (n,), rad or m."""
         deviation = self.unbent(visits)
         deviation.travel[:] = sigmas * rng.standard_normal((visits, self.n_carts))
         return deviation
@@ -239,7 +226,7 @@ class ArmMachine:
             turning = np.zeros((len(q), found[0].shape[1], 6))
             turning[:, :6] = np.eye(6)
             turning[:, :3, 3:] = np.cross(np.eye(3), poses.T[:, None]).transpose(0, 2, 1)
-            found.append(turning * FRAME_FREE)
+            found.append(turning)
         if self.free[1]:
             own = np.zeros((len(q), found[0].shape[1], 6))
             own[:, :3, :3] = own[:, 3:6, 3:] = poses.R
@@ -259,9 +246,9 @@ class ArmMachine:
         middle = (lower + upper) / 2.0
         if robot.pairs:
             wide = np.where(ended, (upper - lower) / 2.0, free)
-            return np.where(ended, middle, robot.home_q), SHARE * wide
-        half = RANGE * np.where(ended, upper - middle, free)
-        return middle, np.where(robot.slides, half, np.minimum(half, WIDEST))
+            return np.where(ended, middle, robot.home_q), 0.95 * wide  # bad conditioning limits it more than these ends
+        half = 0.6 * np.where(ended, upper - middle, free)
+        return middle, np.where(robot.slides, half, np.minimum(half, 2.4))
 
     def places(self, q: Floats) -> Floats:
         middle, half = self.region
@@ -282,11 +269,14 @@ class ArmMachine:
             last = rounded(drawn())
             return np.asarray(last[self._in_front(last)])
 
-        found = collected(in_front, count, FOLDED)
+        found = collected(in_front, count, tries=200)
         return last if found is None else found
 
     def _in_front(self, q: Floats) -> Mask:
-        """(N,) whether the TCP is in front of the base and above the floor, and the arm neither folded nor stretched out."""
+        """(N,) whether the TCP is in front of the base and above the floor, and the arm neither folded nor stretched out.
+
+        In front: within 2 rad of the base's x axis. Heights and distances are shares of the stretched length.
+        """
         robot = self.robot
         bodies = self.bodies(q)[0]
         tcp = bodies.at(self.true.tcp).T
@@ -295,6 +285,6 @@ class ArmMachine:
         heights = np.column_stack([bodies.p[:, j] @ up for j in robot.way[1:]] + [tcp @ up])
         distance = np.linalg.norm(tcp, axis=1)
         sideways = tcp - np.outer(tcp @ up, up)
-        ahead = np.abs(np.arctan2(sideways[:, 1], sideways[:, 0])) <= FRONT
-        clear = np.linalg.norm(sideways, axis=1) >= NEAR * whole
-        return np.asarray((heights > FLOOR * whole).all(axis=1) & (distance < FAR * whole) & clear & ahead)
+        ahead = np.abs(np.arctan2(sideways[:, 1], sideways[:, 0])) <= 2.0
+        clear = np.linalg.norm(sideways, axis=1) >= 0.25 * whole
+        return np.asarray((heights > 0.02 * whole).all(axis=1) & (distance < 0.92 * whole) & clear & ahead)

@@ -11,11 +11,11 @@ import numpy as np
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
-from gtpin.bench.simulator.causes.cause import Cause
+from gtpin.bench.simulator.causes.kinds import Cause
 from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.noncentrality import Past, Response, effects_of
 from gtpin.bench.simulator.poses import VirtualPoses
-from gtpin.bench.simulator.recipe import Recipe, SimulatedConditions
+from gtpin.bench.simulator.recipe import Machine, Recipe, SimulatedConditions
 from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.truth import Case, EffectTruth
 from gtpin.bench.simulator.visits import BACK_OFF, VirtualVisits, ids, plan
@@ -29,9 +29,6 @@ from gtpin.robot.chain import Chain
 from gtpin.robot.library import load_robot
 from gtpin.typing import Floats, Ints
 
-LATER = 600.0
-"""Time from the day's last visit to the first later one, where the commands have no column ``time``, s."""
-
 
 @cache
 def known_robot(robot: str) -> Chain | Arm:
@@ -40,7 +37,7 @@ def known_robot(robot: str) -> Chain | Arm:
     return found if found.rods else Arm.of(found)
 
 
-def drawn_machine(robot: Chain | Arm, rng: np.random.Generator) -> RodMachine | ArmMachine:
+def drawn_machine(robot: Chain | Arm, rng: np.random.Generator) -> Machine:
     """A machine of a robot, drawn from its tolerances."""
     return ArmMachine.draw(robot, rng) if isinstance(robot, Arm) else RodMachine.draw(robot, rng)
 
@@ -161,7 +158,7 @@ def _later(
         return np.column_stack([wanted(f"{name}{i + 1}", otherwise[:, i]) for i in range(q.shape[1])])
 
     last = float(day.time[-1])
-    time = wanted("time", last + LATER + conditions.interval * np.arange(total))
+    time = wanted("time", last + 600.0 + conditions.interval * np.arange(total))
     if not total or time[0] <= last or (np.diff(time) < 0.0).any():
         raise GtpinError("times that do not go on from the day", hint=f"give ascending times after {last:.0f} s")
     speed = each("speed", np.zeros_like(q))

@@ -8,10 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.poses import VirtualPoses
 from gtpin.errors import UnreachableError
-from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 
@@ -77,54 +75,8 @@ class Moved(Protocol):
         """Poses of the measured target at commands q (N, n); NaN out of reach."""
 
     def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
-        """(N, 6, n) derivative of the poses by the commands: position and rotation vector. Of a :class:`Machine` (N, 6 + k, n),
-        followed by that of the k joints whose coordinates the poses have."""
-
-
-class Machine(Moved, Protocol):
-    """A machine with n drives as it was really built, with what its effects depend on.
-
-    Whatever a drive moves is called a cart, on an arm too: a joint with its link.
-    """
-
-    @property
-    def robot(self) -> Chain | Arm:
-        """The nominal robot."""
-
-    @property
-    def n_carts(self) -> int:
-        """Number of drives."""
-
-    @property
-    def per_metre(self) -> Floats | float:
-        """() or (n,) repeatability of a drive, m or rad, over that of a cart on a track, m."""
-
-    @property
-    def readable(self) -> tuple[str, ...]:
-        """Name of the passive joint that an encoder reads; empty where there is none."""
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Deviations of the geometry's parameters from nominal, by name, m and rad."""
-
-    def nominal(self) -> Moved:
-        """The nominal robot as a machine."""
-
-    def by_tolerance(self, q: Floats, poses: VirtualPoses) -> Floats:
-        """(N, 6 + k, p) derivative of the poses, and of the k joints whose coordinates they have, by everything that a
-        calibration identifies, in units of tolerances."""
-
-    def places(self, q: Floats) -> Floats:
-        """(N, n) places of commands (N, n) in their ranges: no unit, from about -REACH to REACH. Effects depend on them."""
-
-    def reachable(self, count: int, rng: np.random.Generator) -> Floats:
-        """(count, n) random commands all over the workspace, m or rad. Raises UnreachableError if it reaches hardly any."""
-
-    def unbent(self, visits: int) -> Deviation:
-        """Deviations of zero at a number of visits."""
-
-    def jitter(self, sigmas: Floats, visits: int, rng: np.random.Generator) -> Deviation:
-        """Random deviations at every visit, by the repeatabilities ``sigmas`` (n,), m or rad."""
+        """(N, 6, n) derivative of the poses by the commands: position and rotation vector. Of a machine with what its effects
+        depend on (N, 6 + k, n), followed by that of the k joints whose coordinates the poses have."""
 
 
 def gain(machine: Moved, q: Floats) -> Floats:

@@ -11,13 +11,11 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from gtpin.bench.simulator.arm_machine import ArmMachine
-from gtpin.bench.simulator.causes.cause import Cause
-from gtpin.bench.simulator.causes.kinds import kind, listed
+from gtpin.bench.simulator.causes.kinds import Cause, kind, listed
 from gtpin.bench.simulator.instruments.gauge import Gauge
-from gtpin.bench.simulator.machine import Deviation, Machine
+from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.poses import VirtualPoses, exp
-from gtpin.bench.simulator.recipe import Recipe
-from gtpin.bench.simulator.rod_machine import RodMachine
+from gtpin.bench.simulator.recipe import Machine, Recipe
 from gtpin.bench.simulator.situation import ArmSituation, RodSituation
 from gtpin.bench.simulator.truth import EffectTruth
 from gtpin.bench.simulator.visits import VirtualVisits
@@ -36,7 +34,7 @@ SETTLED = 1e-10
 class Response:
     """A machine, its visits of a day, and the instrument that measures them."""
 
-    machine: RodMachine | ArmMachine
+    machine: Machine
     visits: VirtualVisits  # All visits are solved together, because effects can depend on earlier ones
     station: Floats  # (3,) position of the instrument, base frame, m
     read: tuple[str, ...] = ()  # Names of the joints that encoders read
@@ -57,10 +55,6 @@ class Response:
         """The response at other commands q (N, n); the last moves start elsewhere too, so that they keep their directions."""
         visits = self.visits
         return replace(self, visits=replace(visits, q=q, before=visits.before + (q - visits.q)))
-
-    def by_command(self) -> Floats:
-        """(N, 6 + k, n) derivative by commands of these poses, position and rotation vector, and of the k joints."""
-        return self.machine.command_jacobian(self.visits.q, self.there)
 
     def settled(self, active: Active, jitter: Deviation | None = None) -> tuple[Any, Deviation]:
         """The situation with some causes and with ``jitter``, random deviations by the repeatability; and the total deviation.
@@ -92,15 +86,8 @@ class Response:
 
 FREE = 3.0
 """Prior sigma of unknowns of which nothing is known, m and rad: so large that it has no influence."""
-BESIDE = (2.0, 12.0)
-"""Range from which the joint energy of a machine's weak effects, too weak to be detected, is drawn beside a wanted effect."""
-ALONE = (0.5, 4.0)
-"""The same range where it has none."""
-MANY = (2, 5)
 MOST = 2.0
 """Largest amplitude of a weak effect, in typical sizes: one with little energy is not made larger."""
-CLOSE = 1e-3
-STEPS = 6
 
 
 @dataclass(frozen=True)
@@ -126,7 +113,8 @@ class Past:
     def of_readings(gauges: Sequence[Gauge], poses: VirtualPoses, by_tolerance: Floats, jitter: Floats) -> Past:
         """For instruments, and ``poses`` (N) at all stops.
 
-        ``by_tolerance``: (N, 6 + k, p) as :meth:`~gtpin.bench.simulator.machine.Machine.by_tolerance` gives it. ``jitter``:
+        ``by_tolerance``: (N, 6 + k, p) as :meth:`~gtpin.bench.simulator.rod_machine.RodMachine.by_tolerance` gives it.
+        ``jitter``:
         (N, 6 + k, n) motions of poses and joints by 1 sigma of each actuator's repeatability. They are added to the noise,
         because some instruments are more precise than the machine.
         """
@@ -190,9 +178,9 @@ def amplitude_for(
 ) -> float:
     """Amplitude of a cause, in typical sizes, at which it has an E at the visits ``rows``; at most ``largest``."""
     amplitude = 1.0
-    for _ in range(STEPS):
+    for _ in range(6):
         reached = past.noncentrality(response.displacement([(cause, amplitude)])[rows])
-        if abs(reached - noncentrality) <= CLOSE * noncentrality:
+        if abs(reached - noncentrality) <= 1e-3 * noncentrality:
             break
         # The energy is almost proportional to the square of the amplitude.
         wanted = amplitude * np.sqrt(noncentrality / reached) if reached > 0.0 else largest
@@ -209,17 +197,18 @@ def weak_others(
     causes, shares, displaced = [], [], []
     robot = response.machine.robot
     kinds = [one for one in listed(robot) if not one.newer]
-    for i in rng.choice(len(kinds), size=int(rng.integers(MANY[0], MANY[1] + 1)), replace=False):
+    for i in rng.choice(len(kinds), size=int(rng.integers(2, 6)), replace=False):
         site = str(rng.choice(kinds[i].sites(robot)))
         if (kinds[i].name, site) in taken:
             continue
         cause = kinds[i].at(robot, site, rng)
+        cause(response.ideal, rng)  # the numbers that follow are drawn after those of the cause
         displacement = response.displacement([(cause, 1.0)])[rows]
         share = float(min(np.sqrt(rng.exponential() / max(past.noncentrality(displacement), 1e-9)), MOST))
         causes.append(cause)
         shares.append(share)
         displaced.append(share * displacement)
-    wanted = float(rng.uniform(*(BESIDE if taken else ALONE)))
+    wanted = float(rng.uniform(*((2.0, 12.0) if taken else (0.5, 4.0))))  # too weak to be detected
     if not causes:
         return [], 0.0
     whole = past.noncentrality(np.sum(displaced, axis=0))

@@ -11,12 +11,15 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, Field
 
-from gtpin.bench.simulator.machine import Machine
+from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.poses import VirtualPoses, exp
+from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.tree import TreeFrame
 from gtpin.data import InstrumentSection
 from gtpin.typing import Floats
 
+Machine = RodMachine | ArmMachine
+"""A machine with n drives as it was really built, with what its effects depend on."""
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]

@@ -10,12 +10,108 @@ import pinocchio as pin
 
 from gtpin.bench.simulator.machine import CONDITIONED, MASS_SPREAD, REACH, Deviation, collected, gain, rounded
 from gtpin.bench.simulator.poses import VirtualPoses, across, exp
-from gtpin.bench.simulator.rods import Rods, VirtualRodEnds, closed
-from gtpin.bench.simulator.universal import Universal
+from gtpin.bench.simulator.rods import NUDGE, Rods, VirtualRodEnds, closed
+from gtpin.bench.simulator.tree import read_urdf, way_from
 from gtpin.errors import RobotError, UnreachableError
 from gtpin.robot.chain import Chain
 from gtpin.robot.geometry import Geometry
 from gtpin.typing import Floats, Mask
+
+STRIDES, STEPS = 12, 8
+"""Equal steps from the rod's direction at the URDF's zero to the wanted one, and Newton's steps at the end."""
+CLOSED = 1e-12
+"""Largest difference of two unit vectors that count as equal."""
+
+
+@dataclass(frozen=True, eq=False)
+class Universal:
+    """Two axes that intersect: at angles x the rod has the direction R1 exp(a1 x1) R2 exp(a2 x2) t in the TCP frame."""
+
+    name: str  # Name of the joint of the first axis, whose angle an encoder reads
+    # `R1`, `R2`: (3, 3) rotations of the first joint's frame to the TCP frame, and of the second's to the first's
+    R1: Floats
+    R2: Floats
+    # `a1`, `a2`, `t`: (3,) unit vectors: each axis in its joint's frame, and the rod's direction in the second joint's
+    # frame
+    a1: Floats
+    a2: Floats
+    t: Floats
+
+    @staticmethod
+    def of(robot: Chain) -> Universal:
+        """The joint of the first rod. Names are from ``robot``, numbers from the URDF's text.
+
+        Raises RobotError if the rod is not connected to the platform by two revolute joints.
+        """
+        urdf = read_urdf(robot.description.xml, still=("floating",))
+        rod = robot.rods[0]
+        loop = robot.description.loops[rod.loop]
+        end = (loop.anchor1, loop.anchor2)[rod.rod_end]
+        on = urdf.links[end.link]
+        way = way_from(urdf.joints, on.joint)
+        driven = {actuator.joint for actuator in robot.actuators}
+        free = [j for j in reversed(way) if urdf.joints[j].name not in driven]
+        tcp = urdf.links[robot.tcp_frame]
+        if len(free) != 2 or any(urdf.joints[j].slides for j in free) or urdf.joints[free[0]].parent != tcp.joint:
+            raise RobotError(f"rod {rod.name} hangs on no universal joint", hint="read another instrument")
+        first, second = (urdf.joints[j] for j in free)
+        tip = on.p + on.R @ np.array(end.xyz)
+        for j in way[: way.index(free[1])]:
+            tip = urdf.joints[j].p + urdf.joints[j].R @ tip
+        t = tip / np.linalg.norm(tip)
+        return Universal(first.name, tcp.R.T @ first.R, second.R, first.axis, second.axis, t)
+
+    def coordinate(self, poses: VirtualPoses, ends: VirtualRodEnds) -> Floats:
+        """(N,) angle about the first axis, rad, at poses with the rods' ends; NaN where the rod is parallel to the axis."""
+        return self._angles(self._direction(poses, ends))[:, 0]
+
+    def by_motion(
+        self, poses: VirtualPoses, ends: VirtualRodEnds, J: Floats, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]]
+    ) -> Floats:
+        """(N, 1, m) derivative of the angle by m numbers; J (N, 6, m) is the derivative of the poses by them.
+
+        ``moved`` has the rods' ends with each number larger, and smaller, by ``NUDGE``.
+        """
+        u = self._direction(poses, ends)
+        x = self._angles(u)
+        found = []
+        for way, (more, less) in zip(NUDGE * np.moveaxis(J, 2, 0), moved, strict=True):
+            turn = exp(way[:, 3:])
+            ahead = self._direction(VirtualPoses(poses.T + way[:, :3], turn @ poses.R), more)
+            behind = self._direction(VirtualPoses(poses.T - way[:, :3], np.swapaxes(turn, 1, 2) @ poses.R), less)
+            found.append(self._step(x, (ahead - behind) / (2.0 * NUDGE))[:, 0])
+        return np.stack(found, axis=1)[:, None]
+
+    def _direction(self, poses: VirtualPoses, ends: VirtualRodEnds) -> Floats:
+        """(N, 3) unit vector along the rod, away from the platform, TCP frame."""
+        away = -np.einsum("nji,nj->ni", poses.R, ends.rods(poses)[0][:, 0])
+        return np.asarray(away / np.linalg.norm(away, axis=1, keepdims=True))
+
+    def _points(self, x: Floats) -> Floats:
+        """(N, 3) direction of the rod at angles (N, 2), rad, TCP frame."""
+        turned = exp(x[:, :1] * self.a1) @ self.R2 @ exp(x[:, 1:] * self.a2)
+        return np.asarray(turned @ self.t @ self.R1.T)
+
+    def _step(self, x: Floats, change: Floats) -> Floats:
+        """(N, 2) change of the angles, rad, that changes the direction by ``change`` (N, 3)."""
+        first = exp(x[:, :1] * self.a1)
+        inner = exp(x[:, 1:] * self.a2) @ self.t
+        ways = (np.cross(self.a1, (first @ self.R2 @ inner[..., None])[..., 0]), np.cross(self.a2, inner))
+        slopes = np.stack([ways[0], (first @ self.R2 @ ways[1][..., None])[..., 0]], axis=2)
+        return np.asarray((np.linalg.pinv(self.R1 @ slopes) @ change[..., None])[..., 0])
+
+    def _angles(self, u: Floats) -> Floats:
+        """(N, 2) angles, rad, at which the rod has the directions u (N, 3): the solution connected to the URDF's zero."""
+        x = np.zeros((len(u), 2))
+        start = self._points(x)
+        for s in np.arange(1, STRIDES + 1) / STRIDES:
+            goal = start + s * (u - start)
+            goal = goal / np.linalg.norm(goal, axis=1, keepdims=True)
+            for _ in range(1 if s < 1.0 else STEPS):
+                x = x + np.clip(self._step(x, goal - self._points(x)), -0.5, 0.5)
+        x[np.abs(self._points(x) - u).max(axis=1) > CLOSED] = np.nan
+        return x
+
 
 ACROSS = 0.3
 """Repeatability across a track, as a share of that along it."""
@@ -31,10 +127,10 @@ PARALLEL = 0.99
 
 @dataclass(frozen=True)
 class RodMachine(Rods):
-    """A robot on six rods as it was really built, as :class:`~gtpin.bench.simulator.machine.Machine`.
+    """A robot on six rods as it was really built.
 
-    A cart here moves along a track, or is an arm about an axis, or the foot of a leg, which does not move when the leg's length
-    changes.
+    A cart moves along a track, or is an arm about an axis, or the foot of a leg, which does not move when the leg's length
+    changes. On a machine without rods it is a joint with its link.
 
     Raises `RobotError` if the robot does not have six rods, has a rod without a drive, or a drive without a rod.
     """
@@ -61,6 +157,7 @@ class RodMachine(Rods):
         return RodMachine(geometry.with_values(built), float(plate.mass * factors[0]), center, nominal * factors[1:])
 
     def nominal(self) -> Rods:
+        """The nominal robot as a machine without effects."""
         return Rods(Geometry.nominal(self.robot))
 
     @property
@@ -69,14 +166,17 @@ class RodMachine(Rods):
 
     @property
     def per_metre(self) -> float:
+        """() or (n,) repeatability of a drive, m or rad, over that of a cart on a track, m."""
         return 1.0
 
     @property
     def readable(self) -> tuple[str, ...]:
+        """Name of the passive joint that an encoder reads; empty where there is none."""
         return (self.universal.name,)
 
     @property
     def parameters(self) -> dict[str, float]:
+        """Deviations of the geometry's parameters from nominal, by name, m and rad."""
         return dict(zip(self.geometry.names, self.geometry.deviation.tolist(), strict=True))
 
     @cached_property
@@ -114,6 +214,7 @@ class RodMachine(Rods):
         return np.asarray(2.0 ** np.floor(np.log2(REACH / np.where(np.isfinite(half), half, REACH))))
 
     def places(self, q: Floats) -> Floats:
+        """(N, n) places of commands (N, n) in their ranges: no unit, from about -REACH to REACH. Effects depend on them."""
         middle = (self.robot.upper + self.robot.lower) / 2.0
         return np.asarray((q - np.round(np.where(np.isfinite(middle), middle, 0.0), 1)) * self.zoom)
 
@@ -142,6 +243,7 @@ class RodMachine(Rods):
         return Deviation.none(visits, self.n_carts, len(self.robot.rods))
 
     def jitter(self, sigmas: Floats, visits: int, rng: np.random.Generator) -> Deviation:
+        """Random deviations at every visit, by the repeatabilities ``sigmas`` (n,), m or rad."""
         deviation = self.unbent(visits)
         deviation.travel[:] = sigmas * rng.standard_normal((visits, self.n_carts))
         sideways = ACROSS * sigmas[:, None] * rng.standard_normal((visits, self.n_carts, 2))
@@ -159,6 +261,8 @@ class RodMachine(Rods):
         return self._answer(q, poses, self.commanded(q))
 
     def by_tolerance(self, q: Floats, poses: VirtualPoses) -> Floats:
+        """(N, 6 + k, p) derivative of the poses, and of the k joints whose coordinates they have, by everything that a
+        calibration identifies, in units of tolerances."""
         return np.asarray(self._answer(q, poses, self.changed(q)) * self.geometry.tolerance)
 
     def _answer(self, q: Floats, poses: VirtualPoses, moved: list[tuple[VirtualRodEnds, VirtualRodEnds]]) -> Floats:
@@ -196,6 +300,7 @@ class RodMachine(Rods):
     # ------------------------------------------------------------------------------------------------- commands
 
     def reachable(self, count: int, rng: np.random.Generator) -> Floats:
+        """(count, n) random commands all over the workspace, m or rad. Raises UnreachableError if it reaches hardly any."""
         robot, parallel = self.robot, np.abs(self.tracks @ self.tracks[0]) > PARALLEL
         draw = self._in_ranges
         if self.n_carts == 3 and (self.slides & parallel).all() and abs(self.tracks[0, 2]) < PARALLEL:

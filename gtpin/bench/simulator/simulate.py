@@ -12,8 +12,9 @@ from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.machine import well_conditioned
 from gtpin.bench.simulator.poses import AXES, VirtualPoses
+from gtpin.bench.simulator.rod_machine import Universal
 from gtpin.bench.simulator.rods import Rods
-from gtpin.bench.simulator.universal import Universal
+from gtpin.bench.simulator.truth import Simulation
 from gtpin.bench.simulator.visits import REPEATED, ids
 from gtpin.data import Commands, Dataset, InstrumentSection
 from gtpin.errors import GtpinError, ModelError
@@ -67,22 +68,6 @@ class TrueRobot:
     def command_jacobian(self, q: Floats, poses: VirtualPoses) -> Floats:
         """(N, 6, n) derivative of the poses by the commands: position and rotation vector, base frame."""
         return self.chain.command_jacobian(q, poses)[:, :6]
-
-
-@dataclass(frozen=True)
-class Simulation:
-    """A dataset whose truth is known.
-
-    - ``dataset``: the measured poses.
-    - ``machine``: the simulated machine.
-    - ``commands``: held-out commands, without measurements.
-    - ``truth``: True poses at the held-out commands, without noise, in the instrument's frame.
-    """
-
-    dataset: Dataset
-    machine: TrueRobot
-    commands: Commands
-    truth: VirtualPoses
 
 
 def draw_machine(robot: Chain, rng: np.random.Generator) -> TrueRobot:
@@ -167,4 +152,12 @@ def simulate(
         instrument=instrument,
     )
     q_held = draw_commands(machine, held_out, rng)
-    return Simulation(dataset, machine, Commands(ids(np.arange(held_out)), q_held), machine.predict(q_held))
+    commands = Commands(ids(np.arange(held_out)), q_held)
+    return Simulation(
+        name=f"case{seed:05d}",
+        dataset=dataset,
+        commands=commands,
+        truth=machine.predict(q_held),
+        machine=machine,
+        true=true,
+    )

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.poses import VirtualPoses
@@ -19,12 +20,43 @@ from gtpin.bench.simulator.rod_machine import RodMachine
 from gtpin.bench.simulator.rods import VirtualRodEnds, by_pose, each_solved
 from gtpin.bench.simulator.tree import Bending, Placed
 from gtpin.bench.simulator.visits import VirtualVisits
+from gtpin.robot.chain import Chain
 from gtpin.typing import Floats
 
 STEEL, ALUMINIUM = 11.5e-6, 23e-6
 """Coefficients of linear expansion, 1/K."""
 SLIDING = 0.3
 """Error of a prismatic joint, m, over that of a revolute one, rad: both then move a TCP at 0.3 m from the axis equally."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """A site: its name, the index of its cart or commanded joint (-1: none), the indices of its rods or links, and the index of
+    its passive joint (-1: none).
+    """
+
+    name: str
+    cart: int
+    rods: tuple[int, ...]
+    pin: int = -1
+
+    @staticmethod
+    def of(robot: Chain | Arm, name: str) -> Site:
+        """The site with a name. The index of an arm's link is that of the commanded joint that moves it."""
+        if isinstance(robot, Arm):
+            if name in robot.sites:
+                return Site(name, robot.sites.index(name), ())
+            if name in robot.link_sites:
+                return Site(name, -1, (robot.link_sites.index(name),))
+            if name in robot.pin_sites:
+                return Site(name, -1, (), robot.pins[robot.pin_sites.index(name)])
+            return Site(name, -1, tuple(range(robot.n_actuators)))
+        if name in robot.sites:
+            cart = robot.sites.index(name)
+            return Site(name, cart, tuple(i for i, r in enumerate(robot.rods) if cart in (r.carrier, r.extension)))
+        if name in robot.rod_sites:
+            return Site(name, -1, (robot.rod_sites.index(name),))
+        return Site(name, -1, tuple(range(len(robot.rods))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +78,7 @@ class Postures(ABC):
 
     @cached_property
     def places(self) -> Floats:
-        """(N, n) places of the commands: see :meth:`~gtpin.bench.simulator.machine.Machine.places`."""
+        """(N, n) places of the commands: see :meth:`~gtpin.bench.simulator.rod_machine.RodMachine.places`."""
         return np.asarray(self.machine.places(self.q))
 
     def unbent(self) -> Deviation:

@@ -6,17 +6,15 @@ import contextlib
 import json
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
-from gtpin.bench.simulator.arm_machine import ArmMachine
 from gtpin.bench.simulator.instruments.gauge import Gauge
 from gtpin.bench.simulator.poses import VirtualPoses
-from gtpin.bench.simulator.recipe import Recipe
-from gtpin.bench.simulator.rod_machine import RodMachine
+from gtpin.bench.simulator.recipe import Machine, Recipe
 from gtpin.bench.simulator.visits import VirtualVisits
 from gtpin.data import Commands, Dataset
 from gtpin.data.files import write_table
@@ -26,7 +24,7 @@ from gtpin.data.table import Column
 from gtpin.errors import renamed
 from gtpin.output.ownership import foreign
 from gtpin.output.results import results_folder
-from gtpin.typing import Floats, Ints, Mask
+from gtpin.typing import Floats
 
 SCHEMA = "gtpin-dataset/2"
 TABLES = tuple(f"{name}.csv" for name in ("tracker", "camera", "wire", "bed", "cup", "level", "encoder", "ballbar"))
@@ -47,8 +45,8 @@ class EffectTruth:
     energy = renamed("energy", "noncentrality")
 
 
-@dataclass(frozen=True, eq=False)
-class AnyCase:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Simulation:
     """A dataset whose truth is known.
 
     - ``name``: name of its folder.
@@ -67,10 +65,10 @@ class AnyCase:
     dataset: Any
     commands: Commands
     truth: VirtualPoses
-    effects: tuple[EffectTruth, ...]
+    effects: tuple[EffectTruth, ...] = ()
     machine: Any
     true: VirtualPoses
-    recipe: Recipe | None
+    recipe: Recipe | None = None
 
     @property
     def more(self) -> dict[str, object]:
@@ -106,31 +104,18 @@ class AnyCase:
         write_table(folder / csv_name, {"pose": self.commands.pose, **columns})
 
 
-@dataclass(frozen=True, eq=False)
-class Case(AnyCase):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Case(Simulation):
     """A case that a tracker measured.
 
     ``visits``: the visits of the dataset's rows, in their order. ``background``: joint energy E of the weak effects.
     """
 
     dataset: Dataset
-    machine: RodMachine | ArmMachine
+    machine: Machine
     recipe: Recipe
     visits: VirtualVisits
     background: float
-
-
-@dataclass(frozen=True, eq=False)
-class InstrumentTruth:
-    """An instrument's ``[[instrument]]`` in dataset.toml, and its table: the stop of each row (M,), and its own columns."""
-
-    described: dict[str, Any]
-    stop: Ints
-    columns: dict[str, Column]
-
-    def take(self, rows: Mask) -> InstrumentTruth:
-        """Some rows of the table."""
-        return replace(self, stop=self.stop[rows], columns={name: x[rows] for name, x in self.columns.items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +129,7 @@ class Tables:
     pose: Ids
     q: Floats  # (N, n)
     covariates: dict[str, Column]
-    read: tuple[InstrumentTruth, ...]  # Description and table of each instrument
+    read: tuple[Gauge, ...]  # The instruments, with the true values of their unknowns and the columns of their tables
 
     def __len__(self) -> int:
         return sum(len(one.stop) for one in self.read)
@@ -157,31 +142,44 @@ class Tables:
         text = tomli_w.dumps({**head, **about, "instrument": [one.described for one in self.read]})
         (folder / "dataset.toml").write_text(text, encoding="utf-8", newline="\n")
         for one in self.read:
-            write_table(folder / f"{one.described['name']}.csv", self.table(one))
+            write_table(folder / f"{one.name}.csv", self.table(one))
 
-    def table(self, one: InstrumentTruth) -> dict[str, Column]:
+    def table(self, one: Gauge) -> dict[str, Column]:
         """All columns of an instrument's table."""
         columns: dict[str, Column] = {"pose": self.pose[one.stop]}
         columns |= {f"q{i + 1}": values for i, values in enumerate(self.q[one.stop].T)}
         return columns | one.columns | {name: values[one.stop] for name, values in self.covariates.items()}
 
 
-@dataclass(frozen=True, eq=False)
-class InstrumentCase(AnyCase):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class InstrumentCase(Simulation):
     """A case that any instruments measured.
 
-    - ``gauges``: the instruments, with the true values of their unknowns.
     - ``steady``: as ``true``, without errors by repeatability.
     - ``repeatability``: (n,) standard deviation of each actuator, m or rad.
     - ``held``: by instrument's name: (H, c) readings at the held-out commands without noise, for a tracker positions, and
-      their sigmas; with ids in turn (:meth:`~gtpin.bench.simulator.instruments.gauge.Gauge.in_turn`).
+      their sigmas; with ids in turn (:meth:`~gtpin.bench.simulator.instruments.gauge.Gauge.in_turn`). For a touching
+      instrument, at the touches that are left out: the distance of the target from what it touches, of a machine that returns
+      exactly to its commands (no model predicts the scatter of its repeatability), and the noise of the touch, m.
+    - ``left_out``: the instruments with touches that are not in the dataset.
     """
 
     dataset: Tables
-    gauges: tuple[Gauge, ...]
     steady: VirtualPoses
     repeatability: Floats
     held: dict[str, tuple[Floats, Floats]]
+    left_out: tuple[Gauge, ...] = ()
+
+    def write_dataset(self, folder: Path) -> None:
+        """Write the dataset, commands.csv, and ``commands-NAME.csv`` with the touches that are left out."""
+        super().write_dataset(folder)
+        for gauge in self.left_out:
+            write_table(folder / f"commands-{gauge.name}.csv", self.dataset.table(gauge))
+
+    @property
+    def gauges(self) -> tuple[Gauge, ...]:
+        """The instruments."""
+        return self.dataset.read
 
     @property
     def hidden(self) -> dict[str, float]:
@@ -189,14 +187,8 @@ class InstrumentCase(AnyCase):
         return {one.name: float(one.value) for gauge in self.gauges for one in gauge.hidden if one.prior > 0.0}
 
     @property
-    def geometry(self) -> dict[str, float]:
-        """Deviations of the geometry's parameters from nominal, by name, m and rad."""
-        found: dict[str, float] = self.machine.parameters
-        return found
-
-    @property
     def more(self) -> dict[str, object]:
-        return {"instruments": self.hidden, "geometry": self.geometry}
+        return {"instruments": self.hidden, "geometry": self.machine.parameters}
 
 
 def truth_names(name: str) -> tuple[str, str]:
@@ -205,17 +197,19 @@ def truth_names(name: str) -> tuple[str, str]:
 
 
 @contextlib.contextmanager
-def dataset_folder(dataset: Path, *, force: bool = False) -> Iterator[Path]:
-    """Context with a folder to which a dataset without a truth is written.
+def case_folders(dataset: Path, *, force: bool = False, truth: bool = True) -> Iterator[tuple[Path, Path]]:
+    """Context with two folders to write to: one for the dataset's files, one for the truth.
 
-    If it replaces another dataset, the truth of that one is removed too, if gtpin wrote it and nobody has changed it since.
+    ``truth``: whether a truth is written. Else that of a dataset that is replaced is removed, if gtpin wrote it and nobody has
+    changed it since.
     """
     place = Path(os.path.abspath(dataset))
-    old = [name for name in truth_names(place.name) if _is_own(place.with_name(name))] if place.name else []
+    names = [name for name in truth_names(place.name) if truth or _is_own(place.with_name(name))]
     with contextlib.ExitStack() as stack:
-        if old:
-            stack.enter_context(results_folder(place.parent, old, force=force, key=old[0]))
-        yield stack.enter_context(results_folder(dataset, DATASET_FILES, force=force))
+        outside = place.parent
+        if names:
+            outside = stack.enter_context(results_folder(place.parent, names, force=force, key=names[0]))
+        yield stack.enter_context(results_folder(dataset, DATASET_FILES, force=force)), outside
 
 
 def _is_own(file: Path) -> bool:
@@ -223,14 +217,3 @@ def _is_own(file: Path) -> bool:
         return file.is_file() and foreign(file) is None
     except OSError:
         return False
-
-
-@contextlib.contextmanager
-def case_folders(dataset: Path, *, force: bool = False) -> Iterator[tuple[Path, Path]]:
-    """Context with two folders to write to: one for the dataset's files, one for the truth."""
-    truth = truth_names(dataset.name)
-    with (
-        results_folder(dataset.parent, truth, force=force, key=truth[0]) as outside,
-        results_folder(dataset, DATASET_FILES, force=force) as inside,
-    ):
-        yield inside, outside

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from gtpin.bench.simulator.fields import curve
-from gtpin.bench.simulator.machine import Machine
-from gtpin.bench.simulator.recipe import SimulatedConditions
+from gtpin.bench.simulator.recipe import Machine, SimulatedConditions
 from gtpin.data.ids import Ids
 from gtpin.data.table import Column
 from gtpin.typing import Floats, Ints, Mask
@@ -68,8 +67,6 @@ REPEATED = 0.1
 """Share of the poses that are visited twice."""
 BACK_OFF = (0.010, 0.040)
 """Range of the distance, m or rad, from which each actuator approaches where a visit is not reached directly."""
-SPEED = (0.05, 0.30)
-"""Range of the fastest actuator's speed where the machine does not stop, m/s or rad/s."""
 
 
 @dataclass(frozen=True)
@@ -174,7 +171,7 @@ def visited(
         payload=payloads[np.arange(total) * count // total],
         # No force at about half of the visits, drawn at random.
         force=np.round(conditions.push * rng.standard_normal((total, 3))) * (rng.random((total, 1)) < 0.5),
-        speed=way * rng.uniform(*SPEED, (total, 1)),
+        speed=way * rng.uniform(0.05, 0.30, (total, 1)),
         acceleration=way * 0.4 * rng.standard_normal((total, 1)),
         day=Day.draw(rng, float(time[-1]), conditions.reference_temperature, conditions.warming),
     )

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.console import Console
+from rich.progress import Progress, TaskID
 
 from gtpin.bench.blind.difficulty import SCALES
 from gtpin.bench.blind.judged import Judged, Statement
@@ -89,20 +91,20 @@ def canned(files: Mapping[str, bytes], exclude: tuple[str, ...] = ()) -> tuple[O
     return Outcome(diagnosis=say, baseline=at and at["baseline"], model=at and at["model"]), 0.1
 
 
-class Quiet:
-    """Watches a check and remembers what began."""
+class Quiet(Progress):
+    """Shows no progress of a check, and remembers what began."""
 
     def __init__(self) -> None:
+        super().__init__(console=Console(quiet=True), disable=True)
         self.begun: list[tuple[str, int, int]] = []
         self.done = 0
 
-    def published(self, digest: str) -> None:
-        self.manifest = digest
+    def add_task(self, description: str, *rest: Any, total: Any = None, completed: int = 0, **more: Any) -> TaskID:
+        self.begun.append((description, total, completed))
+        return super().add_task(description, *rest, total=total, completed=completed, **more)
 
-    def begin(self, what: str, total: int, done: int) -> None:
-        self.begun.append((what, total, done))
-
-    def one_more(self) -> None:
+    def advance(self, task_id: TaskID, advance: float = 1) -> None:
+        super().advance(task_id, advance)
         self.done += 1
 
 

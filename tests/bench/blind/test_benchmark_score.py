@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from gtpin.bench.benchmark.answer import Answer
+from gtpin.bench.benchmark.answer import Answer, figures, score_answers, to_json
 from gtpin.bench.benchmark.public_set import SCHEMA, Block, PublicSet, Published
-from gtpin.bench.benchmark.score import figures, score_answers, to_json
 from gtpin.bench.blind.truth import TrueEffect, TruePoses, Truth
 from gtpin.errors import GtpinError
 

@@ -15,7 +15,6 @@ from gtpin.bench.benchmark.public_set import (
     TRUTHS,
     PublicSet,
     changed,
-    changed_truths,
     make,
     round_table,
     rounded,
@@ -142,7 +141,7 @@ def test_a_truth_that_was_edited_is_noticed(public: PublicSet, few: Path) -> Non
     file = few / TRUTHS / f"{SOME[1]}.json"
     content = file.read_bytes()
     file.write_bytes(content + b"\n")
-    assert list(changed_truths(public, few, SOME)) == [SOME[1]]
+    assert list(changed(public, few, SOME, truths_alone=True)) == [SOME[1]]
     file.write_bytes(content)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import gtpin
 from gtpin.bench.blind.draw import POWER_NONCENTRALITY, SHARES, Draft, drafts, made, truth_of
-from gtpin.bench.blind.others import kind_of
+from gtpin.bench.blind.truth import kind_of
 from gtpin.effects.catalogue import OWN
 
 
@@ -95,13 +95,13 @@ def test_cases_of_other_instruments_have_the_same_kinds_and_a_truth_without_sigm
     assert effect.displacement is not None
     assert len(effect.displacement) == len(case.dataset) == sum(len(read.stop) for read in case.dataset.read)
     assert truth.poses is None  # of readings alone, nobody knows where the base is
-    assert {one.name: np.shape(one.values) for one in truth.readings} == {"wire": (120, 1)}
+    assert {one.name: np.shape(one.values) for one in truth.readings} == {"wire": (120, 1), "bed": (5, 1)}
     seen = truth_of(made(Draft("x", "none", 7, (), 30, instruments=("tracker",))), "none")
     assert seen.poses is not None
     assert seen.readings == ()
     touched = truth_of(made(Draft("x", "none", 7, (), 12, instruments=("plane",))), "none")
     assert touched.poses is None
-    assert touched.readings == ()
+    assert {one.name: np.shape(one.values) for one in touched.readings} == {"bed": (2, 1)}
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gtpin.bench.blind.others import given, take_in
+from gtpin.bench.blind.truth import given, take_in
 from gtpin.bench.simulator.case import Case
 from gtpin.data.description import describe, read_toml
 from gtpin.errors import GtpinError

@@ -16,9 +16,8 @@ from scipy.stats import chi2
 import gtpin.bench.blind.draw
 import gtpin.bench.blind.run
 from gtpin.bench.blind.difficulty import Difficulty
-from gtpin.bench.blind.draw import Draft, jitter, made, recipe, truth_of, without_some_touches
-from gtpin.bench.blind.judge import judge
-from gtpin.bench.blind.judged import Judged
+from gtpin.bench.blind.draw import Draft, made, recipe, truth_of
+from gtpin.bench.blind.judged import Judged, judge
 from gtpin.bench.blind.run import check, check_given
 from gtpin.bench.blind.truth import Truth, digest_of, seal
 from gtpin.bench.blind.worker import Outcome, readings_at
@@ -40,11 +39,10 @@ def a_case(
 ) -> tuple[InstrumentCase, Truth]:
     """A case as a check makes it, written into a folder, and its truth."""
     draft = Draft("x", "one", seed, (effect,), poses, instruments=tuple(instruments), **more)
-    case, left_out = without_some_touches(made(draft))
+    case = made(draft)
+    assert isinstance(case, InstrumentCase)
     case.write_dataset(folder)
-    for touches in left_out:
-        touches.write(folder)
-    return case, truth_of(case, "one", left_out)
+    return case, truth_of(case, "one")
 
 
 def graded(folder: Path, truth: Truth) -> tuple[Difficulty, gtpin.Calibration]:
@@ -198,12 +196,11 @@ def test_what_is_predicted_of_touches_is_what_a_calibration_would_miss(tmp_path:
 @pytest.mark.slow
 def test_a_sixth_of_the_touches_is_left_out_and_nothing_that_reads() -> None:
     draft = Draft("x", "two", 7, ("backlash", "linearity"), 60, instruments=("range", "plane"))
-    whole = made(draft)
-    case, (touches,) = without_some_touches(whole)
-    wire, bed = case.gauges
+    case, whole = made(draft), build_measured(recipe(draft), draft.instruments)
+    (wire, bed), (touches,) = case.gauges, case.left_out
     assert len(wire.stop) == len(whole.gauges[0].stop)
-    assert len(bed.stop) + len(touches.values) == len(whole.gauges[1].stop)
-    assert len(touches.values) == len(whole.gauges[1].stop) // 6
+    assert len(bed.stop) + len(touches.stop) == len(whole.gauges[1].stop)
+    assert len(touches.stop) == len(whole.gauges[1].stop) // 6
     assert set(touches.columns["plane"]) == {"low", "high", "tilted"}
     assert all(len(effect.displacement) == len(case.dataset) for effect in case.effects)
     before = {effect.effect: effect.noncentrality for effect in whole.effects}
@@ -218,22 +215,23 @@ def test_a_touch_that_is_left_out_misses_by_what_the_machine_scattered() -> None
     usual = recipe(draft)
     noise = usual.noise.model_copy(update={"repeatability": (5e-5, 5e-5)})
     loose = replace(usual, noise=noise)
-    whole = build_measured(loose, draft.instruments)
-    _, (touches,) = without_some_touches(whole)
-    (gauge,) = whole.gauges
-    own = gauge.take(np.isin(whole.dataset.pose[gauge.stop], touches.columns["pose"]))
-    moved = own.by_motion(whole.true[own.stop]) @ jitter(whole)[own.stop]
+    case = build_measured(loose, draft.instruments, leave_out=True)
+    (own,), poses = case.left_out, case.true
+    jitter = case.machine.command_jacobian(case.dataset.q, poses) * case.repeatability
+    moved = own.by_motion(poses[own.stop]) @ jitter[own.stop]
     sigma = np.sqrt(own.sigma**2 + (moved**2).sum(axis=2))
     assert np.median(sigma / own.sigma) > 2.0
-    squares, count = float(((touches.values / sigma) ** 2).sum()), touches.values.size
+    values = case.held["bed"][0]
+    squares, count = float(((values / sigma) ** 2).sum()), values.size
     assert chi2.ppf(1e-4, count) < squares < chi2.isf(1e-4, count)
 
 
 @pytest.mark.slow
 def test_all_touches_stay_where_an_encoder_reads_too() -> None:
     draft = Draft("x", "one", 7, ("backlash",), 20, instruments=("encoder", "plane"))
-    whole = made(draft)
-    assert without_some_touches(whole) == (whole, ())
+    case = made(draft)
+    assert len(case.gauges[1].stop) == len(build_measured(recipe(draft), draft.instruments).gauges[1].stop)
+    assert case.left_out == ()
 
 
 @pytest.mark.slow
@@ -301,7 +299,7 @@ def test_no_effect_leaves_more_of_readings_than_there_is(wire_and_bed: tuple[Tru
 
 @pytest.mark.slow
 def test_energy_is_the_plants_where_nothing_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gtpin.bench.blind.draw.ONE_IN", 10_000)
-    whole = made(Draft("x", "one", 7, ("backlash",), 60, instruments=("range", "socket")))
-    case, _ = without_some_touches(whole)
+    monkeypatch.setattr("gtpin.bench.simulator.instruments.build.ONE_IN", 10_000)
+    draft = Draft("x", "one", 7, ("backlash",), 60, instruments=("range", "socket"))
+    case, whole = made(draft), build_measured(recipe(draft), draft.instruments)
     assert case.effects[0].noncentrality == pytest.approx(whole.effects[0].noncentrality, rel=0.01)

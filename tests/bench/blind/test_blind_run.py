@@ -13,9 +13,9 @@ from handmade import Quiet, canned, cause, diagnosis, write_case
 
 import gtpin.bench.blind.run
 from gtpin.bench.blind.draw import Draft
-from gtpin.bench.blind.others import given, take_in
 from gtpin.bench.blind.run import check, check_given
 from gtpin.bench.blind.score import score
+from gtpin.bench.blind.truth import given, take_in
 from gtpin.bench.blind.worker import Outcome
 from gtpin.bench.simulator.case import Case, drawn_recipe
 from gtpin.bench.simulator.instruments.build import build_measured
@@ -347,8 +347,6 @@ def test_a_full_disk_leaves_no_claim_and_does_not_touch_that_of_a_check_that_goe
 
     check_with_full_disk("schema")
     assert not out.exists()
-    (out / "cases").mkdir(parents=True)  # as versions before have left it
-    (out / "check.json").touch()
     assert len(check_given(out, cases, Quiet()).cases) == 7
     (out / "diagnoses" / "b.json").unlink()
     claim = (out / "check.json").read_bytes()

@@ -11,7 +11,7 @@ from urdfs import joint, loop, own, urdf
 import gtpin
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.build import drawn_machine, known_robot
-from gtpin.bench.simulator.causes.cause import Cause
+from gtpin.bench.simulator.causes.kinds import Cause
 from gtpin.bench.simulator.causes.kinds import kind as kind_of
 from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.recipe import SimulatedConditions

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import gtpin
 from gtpin.bench.blind.draw import drafts, made, truth_of
-from gtpin.bench.blind.judge import judge
+from gtpin.bench.blind.judged import judge
 from gtpin.bench.blind.truth import digest_of, seal
 from gtpin.bench.blind.worker import Outcome
 from gtpin.bench.simulator.case import drawn_recipe
@@ -60,7 +60,9 @@ def five_bar() -> gtpin.Robot:
 def true_kinematics(case: InstrumentCase, robot: gtpin.Robot | None = None):
     """The package's kinematics of the machine's true geometry, without effects."""
     nominal = gtpin.Geometry.nominal(robot or five_bar())
-    return Kinematics(nominal.with_values(nominal.values + np.array([case.geometry[name] for name in nominal.names])))
+    return Kinematics(
+        nominal.with_values(nominal.values + np.array([case.machine.parameters[name] for name in nominal.names]))
+    )
 
 
 def turned(difference: Floats) -> Floats:

@@ -145,7 +145,7 @@ def test_readings_scatter_by_their_sigma() -> None:
         if gauge.touches:
             errors = gauge.readings(here, gauge.truth)
         else:
-            exact = gauge.columns(here, np.zeros(gauge.sigma.shape))
+            exact = gauge.recorded(here, np.zeros(gauge.sigma.shape))
             names = [n for n in ("x", "y", "z", "range", "tilt_x", "tilt_y") if n in exact]
             errors = np.column_stack([read.columns[n] - exact[n] for n in names])
         z = errors / gauge.sigma[:, : errors.shape[1]]
@@ -227,7 +227,7 @@ def test_same_seed_same_bytes_and_other_instruments_leave_what_is_hidden_as_it_i
 def test_an_undeclared_sigma_is_not_written_and_gross_errors_are_there() -> None:
     case = build_measured(replace(recipe([], declared=False, gross=0.1), poses=100), ALL)
     for gauge in case.gauges:
-        assert not {"sigma", "position_sigma", "orientation_sigma"} & set(gauge.described())
+        assert not {"sigma", "position_sigma", "orientation_sigma"} & set(gauge.described)
     (wire,) = (gauge for gauge in case.gauges if gauge.name == "wire")
     (read,) = (read for read in case.dataset.read if read.described["name"] == "wire")
     off = np.abs(read.columns["range"] - wire.readings(case.true[wire.stop], wire.truth)[:, 0]) > 6.0 * wire.sigma[:, 0]
@@ -239,7 +239,7 @@ def test_held_out_readings_are_without_noise_and_have_their_ids_in_turn() -> Non
     case = simulate_measured(gtpin.load_robot("ur5"), "ur5", ALL, poses=8, seed=2, held_out=9)
     assert set(case.held) == {"tracker", "camera", "wire", "level", "ballbar"}
     geometry = gtpin.Geometry.nominal(gtpin.load_robot("ur5"))
-    off = np.array([case.geometry[name] for name in geometry.names])
+    off = np.array([case.machine.parameters[name] for name in geometry.names])
     poses = Kinematics(geometry.with_values(geometry.values + off)).forward(case.commands.q)
     hidden = case.hidden
     target = np.array([hidden[f"wire.target.{axis}"] for axis in "xyz"])
@@ -307,4 +307,4 @@ def test_instruments_other_than_a_tracker_measure_machines_with_loops_and_their_
     recipe = drawn_recipe(2, effects=[("backlash", "drive_right")], poses=30, held_out=5, robot=str(robot))
     case = build_measured(recipe, ("range", "tilt"))
     assert case.effects[0].noncentrality > 1.0
-    assert "placement[elbow_right].x" in case.geometry
+    assert "placement[elbow_right].x" in case.machine.parameters

@@ -15,9 +15,9 @@ from gtpin.bench.simulator.instruments.touch import TOUCHED, begun, circles, fel
 from gtpin.bench.simulator.machine import Moved
 from gtpin.bench.simulator.noncentrality import Past, Response, effects_of
 from gtpin.bench.simulator.poses import VirtualPoses
-from gtpin.bench.simulator.recipe import Recipe, SimulatedNoise
+from gtpin.bench.simulator.recipe import Machine, Recipe, SimulatedNoise
 from gtpin.bench.simulator.simulate import TrueRobot, draw_commands, draw_machine
-from gtpin.bench.simulator.truth import EffectTruth, InstrumentCase, InstrumentTruth, Tables
+from gtpin.bench.simulator.truth import EffectTruth, InstrumentCase, Tables
 from gtpin.bench.simulator.visits import REPEATED, VirtualVisits, ids, visited
 from gtpin.data import Commands
 from gtpin.errors import GtpinError
@@ -106,11 +106,29 @@ def outing(
     return layout, found
 
 
-def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase:
+ONE_IN = 6
+"""One in this many of an instrument's touches is left out, at random."""
+
+
+def without_some_touches(gauges: Sequence[Gauge], seed: int) -> tuple[list[Gauge], tuple[Gauge, ...]]:
+    """Instruments without some of their touches, and the touching ones with these alone."""
+    kept, left_out = [], []
+    for gauge in gauges:
+        stays = np.ones(len(gauge.stop), dtype=bool)
+        if gauge.touches:
+            rng = np.random.default_rng(np.random.SeedSequence([seed, 9, *gauge.name.encode()]))
+            stays[rng.permutation(len(stays))[: len(stays) // ONE_IN]] = False
+            left_out.append(gauge.take(~stays))
+        kept.append(gauge.take(stays))
+    return kept, tuple(left_out)
+
+
+def build_measured(recipe: Recipe, instruments: Sequence[str], *, leave_out: bool = False) -> InstrumentCase:
     """Make the case of a recipe, measured by some instruments.
 
     ``recipe.poses`` is the number of poses at which the reading instruments read, and the number of touches of each touched
-    one.
+    one. ``leave_out``: whether some touches are left out of the dataset. None is where an encoder measures too: the truth has
+    no displacements of its joint.
 
     Raises `GtpinError` if an instrument, effect or site is not known, the robot can't make the touches, or there is nothing
     to measure.
@@ -146,7 +164,7 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
         gauges.append(replace(gauge, stop=place))
         first += len(own_q)
     repeatability, every = noise.repeatability_of(machine, streams[3]), np.arange(len(visits))
-    past = _past(response, gauges, repeatability)
+    past = _past(machine, visits.q, response.there, gauges, repeatability)
     strong, _, weak, _ = effects_of(recipe, response, every, past, streams[2])
     jitter = machine.jitter(repeatability, len(visits), streams[3])
     missed = [errors(gauge, noise, seed) for gauge in gauges]
@@ -155,7 +173,7 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
     def motion(q: Floats) -> tuple[VirtualPoses, Floats]:
         nonlocal response
         response = response.at(q)
-        return response.seen(active, jitter), response.by_command()[:, :6]
+        return response.seen(active, jitter), machine.command_jacobian(q, response.there)[:, :6]
 
     q, good = felt(motion, visits.q, gauges, missed)
     response = response.at(q)
@@ -164,9 +182,14 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
         raise GtpinError("the machine misses most of its touches", hint="make the effects smaller")
     missed = [error[good[gauge.stop]] for gauge, error in zip(gauges, missed, strict=True)]
     gauges = [gauge.take(good[gauge.stop]) for gauge in gauges]
+    left_out: tuple[Gauge, ...] = ()
     visits, held = response.visits, np.flatnonzero(response.visits.held)
     true, steady, tracker = response.seen(active, jitter), response.seen(active), _tracker(gauges)
-    rows, past = np.concatenate([gauge.stop for gauge in gauges]), _past(response, gauges, repeatability)
+    gauges = _read(true, gauges, missed)
+    if leave_out and not read:
+        gauges, left_out = without_some_touches(gauges, seed)
+    rows = np.concatenate([gauge.stop for gauge in gauges])
+    past = _past(machine, q, true if left_out else response.there, gauges, repeatability)
     truths = []
     for want, (cause, amplitude) in zip(recipe.wanted, strong, strict=True):
         d = response.displacement([(cause, amplitude)])
@@ -180,7 +203,7 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
             pose=ids(visits.pose),
             q=visits.q,
             covariates=visits.columns(recipe.conditions),
-            read=_read(true, gauges, missed),
+            read=tuple(gauges),
         ),
         commands=Commands(ids(np.arange(len(held))), visits.q[held], visits.take(held).columns(recipe.conditions)),
         truth=(tracker.seen(steady, tracker.truth) if tracker else response.settled(active)[0].poses)[held],
@@ -188,10 +211,11 @@ def build_measured(recipe: Recipe, instruments: Sequence[str]) -> InstrumentCase
         machine=machine,
         true=true,
         recipe=recipe,
-        gauges=tuple(gauges),
         steady=steady,
         repeatability=repeatability,
-        held=held_readings(gauges, steady[held]),
+        held=held_readings(gauges, steady[held])
+        | {one.name: (one.readings(steady[one.stop], one.truth), one.sigma) for one in left_out},
+        left_out=left_out,
     )
 
 
@@ -207,20 +231,19 @@ def _round(visits: VirtualVisits, end: int, q: Floats, speed: Floats | None) -> 
     return replace(visits, **changed)
 
 
-def _past(response: Response, gauges: Sequence[Gauge], repeatability: Floats) -> Past:
-    poses, jitter = response.there, response.by_command() * repeatability
-    return Past.of_readings(gauges, poses, response.machine.by_tolerance(response.visits.q, poses), jitter)
+def _past(machine: Machine, q: Floats, poses: VirtualPoses, gauges: Sequence[Gauge], repeatability: Floats) -> Past:
+    jitter = machine.command_jacobian(q, poses) * repeatability
+    return Past.of_readings(gauges, poses, machine.by_tolerance(q, poses), jitter)
 
 
 def _tracker(gauges: Sequence[Gauge]) -> VirtualTracker | None:
     return next((gauge for gauge in gauges if isinstance(gauge, VirtualTracker)), None)
 
 
-def _read(poses: VirtualPoses, gauges: Sequence[Gauge], missed: Sequence[Floats]) -> tuple[InstrumentTruth, ...]:
-    return tuple(
-        InstrumentTruth(gauge.described(), gauge.stop, gauge.columns(poses[gauge.stop], error))
-        for gauge, error in zip(gauges, missed, strict=True)
-    )
+def _read(poses: VirtualPoses, gauges: Sequence[Gauge], missed: Sequence[Floats]) -> list[Gauge]:
+    """The instruments with the columns of their tables, with errors (M, c) of the readings."""
+    read = zip(gauges, missed, strict=True)
+    return [replace(gauge, columns=gauge.recorded(poses[gauge.stop], error)) for gauge, error in read]
 
 
 def simulate_measured(
@@ -278,15 +301,12 @@ def simulate_measured(
             pose=ids(pose),
             q=q,
             covariates={},
-            read=_read(true, gauges, missed),
+            read=tuple(_read(true, gauges, missed)),
         ),
         commands=Commands(ids(np.arange(held_out)), held),
         truth=tracker.seen(truth, tracker.truth) if tracker else truth,
-        effects=(),
         machine=machine,
         true=true,
-        recipe=None,
-        gauges=tuple(gauges),
         steady=true,  # a machine without effects returns exactly
         repeatability=np.zeros(robot.n_actuators),
         held=held_readings(gauges, truth),

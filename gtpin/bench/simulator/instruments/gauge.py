@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -56,6 +56,8 @@ class Gauge(ABC):
     hidden: tuple[Hidden, ...]  # Its k unknowns
     declared: bool  # Whether dataset.toml states its sigma
     sigma: Floats  # (M, c) standard deviation of the readings' noise, m or rad
+    # Its own columns in its table, once it has read; ``stop`` gives the others
+    columns: dict[str, Column] = field(default_factory=dict, kw_only=True)
 
     @property
     def truth(self) -> Floats:
@@ -82,6 +84,7 @@ class Gauge(ABC):
 
     # -------------------------------------------------------------------------------------------- in the files
 
+    @property
     def described(self) -> dict[str, Any]:
         """Its ``[[instrument]]`` in dataset.toml."""
         return {"name": self.name, "kind": self.kind, **(self.stated() if self.declared else {}), **self.table()}
@@ -94,13 +97,16 @@ class Gauge(ABC):
         """All other keys."""
         return {}
 
-    def columns(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
-        """The instrument's columns in its table, with errors (M, c) of the readings."""
-        ids = {name: list(getattr(self, of)) for name, of in self.by_row.items()}
-        found: dict[str, Column] = {
-            name: np.array(known, dtype=object)[getattr(self, name)] for name, known in ids.items() if known != [""]
-        }
-        return found | dict(zip(self.reads, (self.readings(poses, self.truth) + errors).T, strict=False))
+    def recorded(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
+        """Its columns in its table at poses (M), with errors (M, c) of the readings."""
+        return self.ids | dict(zip(self.reads, (self.readings(poses, self.truth) + errors).T, strict=False))
+
+    @property
+    def ids(self) -> dict[str, Column]:
+        """The columns with the station, plane or target of each row."""
+        known = {name: list(getattr(self, of)) for name, of in self.by_row.items()}
+        several = {name: np.array(ids, dtype=object) for name, ids in known.items() if ids != [""]}
+        return {name: ids[getattr(self, name)] for name, ids in several.items()}
 
     # --------------------------------------------------------------------------------------------- derivatives
 
@@ -137,7 +143,7 @@ class Gauge(ABC):
     def take(self, rows: Ints | Mask) -> Self:
         """The instrument with some of its rows, by their indices or a mask."""
         changed: dict[str, Any] = {name: getattr(self, name)[rows] for name in ("stop", "sigma", *self.by_row)}
-        return replace(self, **changed)
+        return replace(self, **changed, columns={name: x[rows] for name, x in self.columns.items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,12 +175,6 @@ def drawn_targets(instrument: str, targets: dict[str, Place], rng: np.random.Gen
     return found
 
 
-INNER = (5.0, 95.0)
-"""Percentiles of the TCP's coordinates that bound the workspace."""
-MILLIMETRE = 3
-"""Decimals to which places are declared, in m."""
-
-
 @dataclass(frozen=True, eq=False)
 class Layout:
     """The workspace of a robot."""
@@ -186,11 +186,11 @@ class Layout:
 
     @staticmethod
     def of(poses: VirtualPoses, gravity: Floats, freedoms: int) -> Layout:
-        """The workspace that some poses of the TCP fill."""
+        """The workspace that some poses of the TCP fill, from the 5th to the 95th percentile of their coordinates."""
         size = float(np.linalg.norm(gravity))
         up = 0.0 - gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
         axes = np.vstack([across(up), up])
-        low, high = np.percentile(poses.T @ axes.T, INNER, axis=0)
+        low, high = np.percentile(poses.T @ axes.T, (5.0, 95.0), axis=0)
         return Layout((low + high) / 2.0 @ axes, axes, (high - low) / 2.0, freedoms)
 
     @property
@@ -214,5 +214,5 @@ class Layout:
 
 
 def _rounded(place: Floats) -> Place:
-    x, y, z = (float(value) for value in np.round(place, MILLIMETRE) + 0.0)
+    x, y, z = (float(value) for value in np.round(place, 3) + 0.0)
     return x, y, z

@@ -25,20 +25,8 @@ from gtpin.data.table import Column
 from gtpin.errors import GtpinError
 from gtpin.typing import Floats, Ints
 
-CAMERA_AWAY, CAMERA_CLEAR = 2.0, 0.8
-"""Distance of a camera from the centre: the first number times the workspace's radius, plus the second, m."""
-SIDEWAYS, ALONG = 3e-5, 1e-4
-"""A camera's sigmas, m, at the workspace's centre, across and along the line of sight; they grow as the distance squared."""
-WIRE_SIGMA, WIRE_OFFSET_SIGMA = 2e-5, 1e-3
-"""Noise of a draw wire's reading, and standard deviation of its offset, m."""
-TAPE = (5e-3, 0.1)
-"""Range from which the standard deviation of the stations' positions, per axis, m, is drawn: they are measured with a tape."""
 STATION_SIGMA = 0.5
 """Prior sigma of a station's position, per axis, m, that a dataset has by default."""
-STATION_AWAY, STATION_CLEAR = 1.2, 0.3
-"""Distance of the stations from the centre: the first number times the workspace's radius, plus the second, m."""
-BAR_SIGMA, BAR_OFFSET_SIGMA = 1e-6, 1e-4
-"""Noise of a ball bar's reading, and standard deviation of its length before it is calibrated, m."""
 PIVOT_SIGMA = 5e-3
 """Standard deviation of the pivot's position, per axis, m: it is set up by the machine's coordinates."""
 READING_SIGMA = 2e-5
@@ -88,7 +76,7 @@ class VirtualTracker(Gauge):
     def table(self) -> dict[str, Any]:
         return {"frame": "free"} if self.free else {}
 
-    def columns(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
+    def recorded(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
         seen = self.seen(poses, self.truth)
         position = dict(zip("xyz", (seen.T + errors[:, :3]).T, strict=True))
         if errors.shape[1] == 3:
@@ -112,7 +100,7 @@ class VirtualCamera(Targeted):
         layout: Layout, poses: VirtualPoses, stops: Ints, noise: SimulatedNoise, rng: np.random.Generator
     ) -> VirtualCamera:
         """A camera at the side of the workspace that measures three targets; its table states the noise row by row."""
-        distance = CAMERA_AWAY * layout.radius + CAMERA_CLEAR
+        distance = 2.0 * layout.radius + 0.8
         place = np.array(layout.around(rng.uniform(-np.pi, np.pi), 0.3 * layout.radius, distance))
         sight = (layout.centre - place) / np.linalg.norm(layout.centre - place)
         level = np.cross(sight, layout.up) / np.linalg.norm(np.cross(sight, layout.up))
@@ -120,7 +108,8 @@ class VirtualCamera(Targeted):
         frame = hidden("camera.frame", (*(-R @ place), *log(R)), np.inf)
         unknown = (*drawn_targets("camera", THREE, rng), *frame)
         far = (np.linalg.norm(poses.T - place, axis=1) / distance) ** 2
-        sigma = np.repeat(far, len(THREE))[:, None] * np.array([SIDEWAYS, SIDEWAYS, ALONG])
+        # At the workspace's centre, across and along the line of sight, m.
+        sigma = np.repeat(far, len(THREE))[:, None] * np.array([3e-5, 3e-5, 1e-4])
         target = np.tile(np.arange(len(THREE)), len(stops))
         return VirtualCamera("camera", np.repeat(stops, len(THREE)), unknown, noise.declared, sigma, THREE, target)
 
@@ -134,8 +123,8 @@ class VirtualCamera(Targeted):
     def table(self) -> dict[str, Any]:
         return {**super().table(), "frame": "free"}
 
-    def columns(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
-        found = super().columns(poses, errors)
+    def recorded(self, poses: VirtualPoses, errors: Floats) -> dict[str, Column]:
+        found = super().recorded(poses, errors)
         return found | dict(zip(("sx", "sy", "sz"), self.sigma.T, strict=True)) if self.declared else found
 
 
@@ -156,19 +145,19 @@ class VirtualRange(Targeted):
         layout: Layout, _: VirtualPoses, stops: Ints, noise: SimulatedNoise, rng: np.random.Generator
     ) -> VirtualRange:
         """Wires or laser tracers: four stations around the workspace, each of which reads at all stops."""
-        away = STATION_AWAY * layout.radius + STATION_CLEAR
+        away = 1.2 * layout.radius + 0.3
         stations = {}
         for i, letter in enumerate("ABCD"):
             stations[letter] = layout.around(np.pi / 4.0 + i * np.pi / 2.0, (-1.0) ** i * 0.4 * layout.radius, away)
-        tape = float(np.exp(rng.uniform(*np.log(TAPE))))
-        priors = (STATION_SIGMA, WIRE_OFFSET_SIGMA)
-        return VirtualRange._of("wire", stops, stations, tape, WIRE_SIGMA, priors, noise.declared, rng)
+        tape = float(np.exp(rng.uniform(*np.log((5e-3, 0.1)))))  # the stations are measured with a tape, m per axis
+        priors = (STATION_SIGMA, 1e-3)
+        return VirtualRange._of("wire", stops, stations, tape, 2e-5, priors, noise.declared, rng)
 
     @staticmethod
     def bar(layout: Layout, stops: Ints, declared: bool, rng: np.random.Generator) -> VirtualRange:
         """A ball bar from a pivot at the workspace's centre, which reads at all stops."""
-        pivot, priors = {"pivot": layout.at(0.0, 0.0, 0.0)}, (PIVOT_SIGMA, BAR_OFFSET_SIGMA)
-        return VirtualRange._of("ballbar", stops, pivot, PIVOT_SIGMA, BAR_SIGMA, priors, declared, rng)
+        pivot, priors = {"pivot": layout.at(0.0, 0.0, 0.0)}, (PIVOT_SIGMA, 1e-4)
+        return VirtualRange._of("ballbar", stops, pivot, PIVOT_SIGMA, 1e-6, priors, declared, rng)
 
     @staticmethod
     def _of(

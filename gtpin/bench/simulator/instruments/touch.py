@@ -24,18 +24,12 @@ from gtpin.bench.simulator.poses import VirtualPoses, across, exp
 from gtpin.errors import UnreachableError
 from gtpin.typing import Floats, Ints, Mask
 
-TOUCH_SIGMA, SEAT_SIGMA = 1e-5, 2e-5
-"""Repeatability of a touch probe, and of a ball in its socket per axis, m."""
 HEIGHT_SIGMA, NORMAL_SIGMA = 5e-3, 5e-3
 """Standard deviations of planes' errors, m and rad: the prior sigmas that a dataset has by default."""
 APART, TILTED = 0.5, 0.35
 """Heights of the level planes, in half heights of the workspace, and the tilt of the third, rad."""
-SPREAD = 0.35
-"""Distance of the sockets from the centre along each axis, in half extents of the workspace."""
 CORNERS = ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
 """Directions of the sockets from the centre, by axis of the layout."""
-PLACED = 5e-3
-"""Standard deviation of the sockets' positions about these corners, per axis, m."""
 DISTANCE_SIGMA = 5e-5
 """Standard deviation of the known distance between two sockets, m."""
 
@@ -66,7 +60,7 @@ class VirtualPlane(Targeted):
             for plane in planes
             for what, prior in priors.items()
         ]
-        unknown, sigma = (*drawn_targets("bed", ONE, rng), *off), np.full((len(stops), 1), TOUCH_SIGMA)
+        unknown, sigma = (*drawn_targets("bed", ONE, rng), *off), np.full((len(stops), 1), 1e-5)
         return VirtualPlane("bed", stops, unknown, declared, sigma, ONE, planes, np.arange(len(stops)) % len(planes))
 
     def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
@@ -102,15 +96,15 @@ class VirtualSocket(Targeted):
         """Four sockets in the workspace; three targets where the platform has fewer than six degrees of freedom, else one."""
         targets = ONE if layout.freedoms >= 6 else THREE
         sockets = tuple(f"S{i + 1}" for i in range(len(CORNERS)))
-        shares = [[SPREAD * share for share in corner] for corner in CORNERS]
-        places = np.array([layout.at(*share) for share in shares]) + PLACED * rng.standard_normal((len(CORNERS), 3))
+        shares = [[0.35 * share for share in corner] for corner in CORNERS]  # of the half extents
+        places = np.array([layout.at(*share) for share in shares]) + 5e-3 * rng.standard_normal((len(CORNERS), 3))
         true = float(np.linalg.norm(places[0] - places[1]))
         distance = round(true + DISTANCE_SIGMA * rng.standard_normal(), 7)
         unknown = drawn_targets("cup", targets, rng)
         for socket, place in zip(sockets, places, strict=True):
             unknown += hidden(f"cup.point[{socket}]", place, np.inf)
         target, which = np.divmod(np.arange(len(stops)) % (len(sockets) * len(targets)), len(sockets))
-        sigma = np.full((len(stops), 3), SEAT_SIGMA)
+        sigma = np.full((len(stops), 3), 2e-5)
         return VirtualSocket("cup", stops, tuple(unknown), declared, sigma, targets, sockets, distance, which, target)
 
     def readings(self, poses: VirtualPoses, u: Floats) -> Floats:
@@ -131,10 +125,6 @@ EXACT = 2e-10
 """Largest error of a solved touch, m; deflections are solved to half of it."""
 FARTHEST = 0.3
 """Largest change of a command in one step of Newton's method, m or rad."""
-SPARE = 3
-"""Number of starting points for each wanted touch."""
-ROOM = 1e-2
-"""Share of a command's range, at either end, without touches."""
 SINGULAR = 1e-3
 """Singular values of the readings' derivative by the commands below this share of the largest count as zero."""
 
@@ -172,11 +162,11 @@ def begun(
     found = np.empty((len(gauge.stop), pool.shape[1]))
     there, motion = machine.predict(pool), motion_of(machine)
     lower, upper = ranges
-    room = np.where(np.isfinite(upper - lower), ROOM * (upper - lower), 0.0)
+    room = np.where(np.isfinite(upper - lower), 1e-2 * (upper - lower), 0.0)
     for i in range(len(alike)):
         rows = np.flatnonzero(which.ravel() == i)
         misses = np.linalg.norm(gauge.take(np.full(len(pool), rows[0])).readings(there, gauge.truth), axis=1)
-        nearest = np.argsort(misses)[: SPARE * len(rows)]
+        nearest = np.argsort(misses)[: 3 * len(rows)]
         some = replace(gauge.take(np.full(len(nearest), rows[0])), stop=np.arange(len(nearest)))
         solved, good = felt(motion, pool[rng.permutation(nearest)], [some], [np.zeros_like(some.sigma)])
         good &= ((solved >= lower + room) & (solved <= upper - room)).all(axis=1)
@@ -213,35 +203,22 @@ def felt(motion: Motion, q: Floats, gauges: Sequence[Gauge], errors: Sequence[Fl
     return q, good
 
 
-LONGEST, SHARE = 0.3, 0.6
-"""Largest length of the bar: in m, and over the half extent of the workspace along the axes of its circles."""
-SHORTER = (1.0, 0.7, 0.5, 0.35)
-"""Lengths that are tried, over the largest."""
-FLAT = 0.1
-"""Half extent of a workspace along an axis, over the largest, below which no circle spans this axis."""
-PLANES = ((0, 1), (0, 2), (1, 2))
-"""Axes of the layout that span the circles."""
-FEED = 0.02
-"""Speed of the target along the circle, m/s."""
-CLOSED = 1e-9
-"""Largest distance of the target from a circle, m."""
-
-
 def circles(
     nominal: Moved, layout: Layout, pool: Floats, ranges: tuple[Floats, Floats], count: int
 ) -> tuple[Floats, Floats]:
-    """(M, n) commands along circles of the nominal machine, m or rad, and (M, n) their speeds, m/s or rad/s.
+    """(M, n) commands along circles of the nominal machine, m or rad, and (M, n) their speeds, m/s or rad/s, at 20 mm/s.
 
-    There are at least ``count`` commands, in the order of travel: each circle once in one direction and once in the other.
+    There are at least ``count`` commands, in the order of travel: each circle once in one direction and once in the other. The
+    radius is at most 0.3 m, and 0.6 of the half extent of the workspace; shorter ones are tried where this is too long.
 
     Raises UnreachableError if the robot can't move along any such circles.
     """
-    wide = layout.half > FLAT * layout.half.max()
-    planes = [plane for plane in PLANES if wide[list(plane)].all()]
+    wide = layout.half > 0.1 * layout.half.max()
+    planes = [plane for plane in ((0, 1), (0, 2), (1, 2)) if wide[list(plane)].all()]
     points = max(8, -(-count // (2 * max(len(planes), 1))))
     pivot, at_pool = np.array(layout.at(0.0, 0.0, 0.0)), _target(nominal.predict(pool))
-    for shorter in SHORTER if planes else ():
-        radius = shorter * min(LONGEST, SHARE * float(layout.half[wide].min()))
+    for shorter in (1.0, 0.7, 0.5, 0.35) if planes else ():
+        radius = shorter * min(0.3, 0.6 * float(layout.half[wide].min()))
         first, second = (np.array([layout.axes[plane[i]] for plane in planes]) for i in (0, 1))
         # All circles are solved together, each point from the one before, so that an arm keeps its assembly mode.
         q = pool[[int(np.argmin(np.linalg.norm(at_pool - place, axis=1))) for place in pivot + radius * first]]
@@ -253,7 +230,7 @@ def circles(
             q, slope = brought
             tangent = np.cos(angle) * second - np.sin(angle) * first
             ways.append(q)
-            speeds.append(FEED * (np.linalg.pinv(slope, rcond=SINGULAR) @ tangent[..., None])[..., 0])
+            speeds.append(0.02 * (np.linalg.pinv(slope, rcond=SINGULAR) @ tangent[..., None])[..., 0])
         if len(ways) == points and ((np.array(ways) >= ranges[0]) & (np.array(ways) <= ranges[1])).all():
             there, along = np.stack(ways, axis=1), np.stack(speeds, axis=1)
             both = [np.stack([there, there[:, ::-1]], axis=1), np.stack([along, -along[:, ::-1]], axis=1)]
@@ -270,7 +247,7 @@ def _brought(nominal: Moved, q: Floats, places: Floats) -> tuple[Floats, Floats]
         slope = by_command[:, :3] + np.cross(by_command[:, 3:], arm[:, :, None], axis=1)
         if not np.isfinite(miss).all() or not np.isfinite(slope).all():
             return None
-        if np.abs(miss).max() < CLOSED:
+        if np.abs(miss).max() < 1e-9:
             return q, slope
         q = q - (np.linalg.pinv(slope, rcond=SINGULAR) @ miss[..., None])[..., 0]
     return None
