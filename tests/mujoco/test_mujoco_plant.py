@@ -9,7 +9,7 @@ import pytest
 from spring_machine import SpringMachine, Springs
 
 import gtpin
-from gtpin.bench.simulator.causes.kinds import Cause
+from gtpin.bench.simulator.causes.kinds import PlantedCause
 from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.recipe import SimulatedConditions, SimulatedNoise
@@ -23,7 +23,7 @@ from gtpin.errors import GtpinWarning
 CONDITIONS = SimulatedConditions(push=150.0)
 
 
-def linear(springs: Springs, rods_weigh: bool = False) -> Cause:
+def linear(springs: Springs, rods_weigh: bool = False) -> PlantedCause:
     """The springs as a cause of the plant, whose own never are quite linear.
 
     ``rods_weigh``: the half of their rods' weight that the plant's carts are spared of, a constant force, bends them too.

@@ -11,7 +11,7 @@ import numpy as np
 
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.arm_machine import ArmMachine
-from gtpin.bench.simulator.causes.kinds import Cause
+from gtpin.bench.simulator.causes.kinds import PlantedCause
 from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.noncentrality import Past, Response, effects_of
 from gtpin.bench.simulator.poses import VirtualPoses
@@ -47,7 +47,7 @@ class Built:
     """A machine with its effects and its visits of a day, before anything is measured."""
 
     response: Response  # The machine and all its visits
-    active: Sequence[tuple[Cause, float]]  # All its effects with their amplitudes
+    active: Sequence[tuple[PlantedCause, float]]  # All its effects with their amplitudes
     truths: Sequence[EffectTruth]  # Of the effects that the recipe asks for
     rows: Ints  # Indices of the measured visits, in the order of the dataset's rows
     background: float  # Joint energy E of the weak effects

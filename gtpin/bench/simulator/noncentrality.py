@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from gtpin.bench.simulator.arm_machine import ArmMachine
-from gtpin.bench.simulator.causes.kinds import Cause, kind, listed
+from gtpin.bench.simulator.causes.kinds import PlantedCause, kind, listed
 from gtpin.bench.simulator.instruments.gauge import Gauge
 from gtpin.bench.simulator.machine import Deviation
 from gtpin.bench.simulator.poses import VirtualPoses, exp
@@ -22,7 +22,7 @@ from gtpin.bench.simulator.visits import VirtualVisits
 from gtpin.errors import ConvergenceError
 from gtpin.typing import Floats, Ints
 
-Active = Sequence[tuple[Cause, float]]
+Active = Sequence[tuple[PlantedCause, float]]
 """Causes with their amplitudes, in multiples of their typical sizes."""
 
 ROUNDS = 8
@@ -149,7 +149,7 @@ class Past:
 
 def effects_of(
     recipe: Recipe, response: Response, rows: Ints, past: Past, rng: np.random.Generator
-) -> tuple[list[tuple[Cause, float]], list[EffectTruth], list[tuple[Cause, float]], float]:
+) -> tuple[list[tuple[PlantedCause, float]], list[EffectTruth], list[tuple[PlantedCause, float]], float]:
     """The effects of a recipe at some of the visits.
 
     Returns ``strong``, ``truths``: those that it asks for, with their amplitudes, and the truth about them. ``weak``,
@@ -174,7 +174,7 @@ def effects_of(
 
 
 def amplitude_for(
-    response: Response, cause: Cause, rows: Ints, past: Past, noncentrality: float, largest: float
+    response: Response, cause: PlantedCause, rows: Ints, past: Past, noncentrality: float, largest: float
 ) -> float:
     """Amplitude of a cause, in typical sizes, at which it has an E at the visits ``rows``; at most ``largest``."""
     amplitude = 1.0
@@ -192,7 +192,7 @@ def amplitude_for(
 
 def weak_others(
     response: Response, rows: Ints, past: Past, taken: Collection[tuple[str, str]], rng: np.random.Generator
-) -> tuple[list[tuple[Cause, float]], float]:
+) -> tuple[list[tuple[PlantedCause, float]], float]:
     """Some weak effects, with their amplitudes, and their joint E; ``taken``: effects and sites of the strong ones."""
     causes, shares, displaced = [], [], []
     robot = response.machine.robot

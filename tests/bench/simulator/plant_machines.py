@@ -11,7 +11,7 @@ from urdfs import joint, loop, own, urdf
 import gtpin
 from gtpin.bench.simulator.arm import Arm
 from gtpin.bench.simulator.build import drawn_machine, known_robot
-from gtpin.bench.simulator.causes.kinds import Cause
+from gtpin.bench.simulator.causes.kinds import PlantedCause
 from gtpin.bench.simulator.causes.kinds import kind as kind_of
 from gtpin.bench.simulator.noncentrality import Response
 from gtpin.bench.simulator.recipe import SimulatedConditions
@@ -126,7 +126,7 @@ def a_plant(name: str, poses: int = 50, warming: float = 1.5) -> Response:
     return Response(machine, plan(machine, poses, 10, conditions, rng), np.array([1.5, -7.0, 0.3]))
 
 
-def cause(robot: str, effect: str, site: str, seed: int = 0) -> Cause:
+def cause(robot: str, effect: str, site: str, seed: int = 0) -> PlantedCause:
     """An error of a machine of a robot."""
     parts = plant_robot(robot)
     return kind_of(effect, parts).at(parts, site, np.random.default_rng(seed))

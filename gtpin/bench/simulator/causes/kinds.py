@@ -61,7 +61,9 @@ class CauseKind:
             found = {**carts, "links": robot.rod_sites, "arm": ("arm", *robot.rod_sites)}
         return found.get(self.where, (self.where,))
 
-    def at(self, robot: Chain | Arm, site: str, rng: np.random.Generator, periods: tuple[float, ...] = ()) -> Cause:
+    def at(
+        self, robot: Chain | Arm, site: str, rng: np.random.Generator, periods: tuple[float, ...] = ()
+    ) -> PlantedCause:
         """The error of one machine at a site, with given periods where it is :attr:`periodic`.
 
         Raises GtpinError if the error can't occur at the site.
@@ -69,11 +71,11 @@ class CauseKind:
         if site not in self.sites(robot):
             raise GtpinError(f"{self.name} can't be at {site!r}", hint=f"use {', '.join(self.sites(robot))}")
         error = partial(self.error, periods=periods) if periods else self.error
-        return Cause(error, Site.of(robot, site), deepcopy(rng))
+        return PlantedCause(error, Site.of(robot, site), deepcopy(rng))
 
 
 @dataclass(frozen=True, eq=False)
-class Cause:
+class PlantedCause:
     """The error of one machine at its typical size: takes the same random numbers at every call."""
 
     error: Callable[..., Deviation]
