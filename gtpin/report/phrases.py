@@ -209,7 +209,10 @@ def size_words(parameters: Mapping[str, Estimate], count: int = 1) -> str:
     for name, period in parameters.items():
         if name.split("_")[0] == "period":
             size, turns = parameters[name.replace("period", "amplitude")], period.unit == "rad"
-            often = f"{TURN / period.value:.3g}" if turns else quantity(period.value, period.unit)
+            often = quantity(period.value, period.unit, period.sigma, alone=True)
+            if turns:
+                known = quantity(TURN / period.value, "", TURN * period.sigma / period.value**2, alone=True)
+                often = f"{float(known):g}"
             lines.append((size.value, often, quantity(size.value, size.unit, size.sigma, alone=True)))
     if lines:
         _, periods, sizes = (list(words) for words in zip(*sorted(lines, reverse=True)[:LINES], strict=True))

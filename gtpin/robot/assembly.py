@@ -173,8 +173,8 @@ def _left_open(robot: ConstrainedModel, configuration: Floats, gap: float) -> st
         names = " and ".join(str(robot.model.names[j]) for j in most)
         what = f"the axes of {names} are {1e3 * angles[most]:.2g} mrad from parallel, taken as a planar loop"
     return (
-        f"the loops of {robot.name} close only to {gap:.2g} m: {what}; up to {tolerance(robot):.2g} m is taken as rounded "
-        "numbers, and left open across the motion of the loop"
+        f"the loops of {robot.name} close only to {gap:.2g} m at home: {what}; up to {tolerance(robot):.2g} m is taken as "
+        "rounded numbers, and left open across the motion of the loop"
     )
 
 
@@ -378,7 +378,7 @@ def _undetermined(robot: ConstrainedModel, home: Floats, notes: list[str]) -> Fl
         raise robot.description.error(
             f"{what} can't be determined, and the TCP moves with it: of {named} with the loops closed ({robot.n_passive} "
             f"passive coordinates, {equations} closure equations)",
-            "drive one of these joints (<actuator>), make it fixed, or add the <loop_joint> that is missing",
+            "drive one of these joints, make it fixed, or add the loop that is missing",
         )
     notes.append(
         f"{what} can't be determined, of {named}; the TCP does not move with it, and it is kept as small as can be"

@@ -213,6 +213,8 @@ def test_directions_that_nothing_shows_are_one_sentence():
 def test_what_turns_has_periods_a_turn_and_what_slides_has_millimetres():
     half = Estimate(math.pi / 12.0, math.pi / 1200.0, "rad")
     assert size_words({"period": half, "amplitude": Estimate(4.1e-4, 5e-5, "rad")}) == "24 a turn, 410\u00a0µrad"
+    vague = Estimate(3.51, 2.2, "rad")  # 1.79 +- 1.12 a turn
+    assert size_words({"period": vague, "amplitude": Estimate(4.1e-4, 5e-5, "rad")}).startswith("2 a turn")
     assert parameter("period", half.value, "rad", half.sigma) == ("periods a turn", "24.00\u00a0±\u00a00.24")
     assert parameter("period", 0.0125, "m") == ("period", "12.5\u00a0mm")
     assert quantity(2.7183, "kg", 0.004, alone=True) == "2.72\u00a0kg"

@@ -205,7 +205,7 @@ def test_axes_that_are_nearly_parallel_are_named_up_to_the_tolerance(angle: floa
 
 
 def test_a_spherical_loop_is_closed_on_its_sphere() -> None:
-    with pytest.warns(GtpinWarning, match="close only to 2.2e-08 m: the joints' axes do not quite meet"):
+    with pytest.warns(GtpinWarning, match="close only to 2.2e-08 m at home: the joints' axes do not quite meet"):
         robot = gtpin.load_robot(FIELD / "spherical_loop" / "spherical_6_digits.xml", tcp="tool")
     assert [len(normals) for normals in robot.planes] == [1]
     made = simulate(robot, "spherical", poses=60, seed=1)
