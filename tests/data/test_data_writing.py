@@ -14,7 +14,6 @@ from gtpin.data.ids import normal_id
 from gtpin.errors import DatasetError
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
-positive = st.floats(min_value=0, exclude_min=True, allow_nan=False, allow_infinity=False)
 text = st.text(st.characters(categories=("L", "N", "P", "S", "Zs")), min_size=1, max_size=8).filter(
     lambda t: t.strip() and t.isprintable() and t.strip().lower() not in ("nan", "<na>", "nat")
 )
@@ -61,10 +60,10 @@ def datasets(draw):
         covariates(draw, m),
         actuators,
     )
-    station = tuple(draw(st.lists(finite, min_size=3, max_size=3)))
+    station = tuple(draw(st.lists(st.floats(-1e4, 1e4), min_size=3, max_size=3)))
     instrument = InstrumentSection(
-        position_sigma=draw(st.none() | positive),
-        orientation_sigma=draw(st.none() | positive),
+        position_sigma=draw(st.none() | st.floats(1e-10, 1.0)),
+        orientation_sigma=draw(st.none() | st.floats(1e-10, 1.0)),
         frame=draw(st.sampled_from(["robot", "free"])),
         station=draw(st.none() | st.just(station)),
     )
@@ -77,8 +76,8 @@ def datasets(draw):
         orientation=quaternions(draw, n),
         covariates=covariates(draw, n),
         instrument=instrument,
-        conditions=Conditions(reference_temperature=draw(finite)),
-        tolerance=draw(st.dictionaries(text, positive, max_size=2)),
+        conditions=Conditions(reference_temperature=draw(st.floats(-60.0, 150.0))),
+        tolerance=draw(st.dictionaries(text, st.floats(1e-10, 10.0), max_size=2)),
         carts=draw(st.none() | st.just(carts)),
     )
 
