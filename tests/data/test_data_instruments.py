@@ -18,7 +18,7 @@ from gtpin.kinematics.rotations import exp, to_quaternions
 
 number = st.floats(-1e6, 1e6)
 word = st.text("ABab12_", min_size=1, max_size=3).map(lambda text: "s" + text)
-positive = st.floats(1e-9, 1e3)
+positive = st.floats(1e-9, 1.0)
 point = st.tuples(number, number, number)
 
 
