@@ -60,9 +60,7 @@ def steps(d: Diagnosis) -> list[Step]:
     found += [Step(e.measure) for e in d.next_experiment if wanted & {*e.separates}][:1]
     if d.verdict == "explained":
         repair = "repair the cause or load the corrections, then measure as many poses again and diagnose them"
-        found.append(
-            Step(f"Confirm: {repair} with the wanted commands, not the corrected ones. Only noise should be left.")
-        )
+        found.append(Step(f"Confirm: {repair}. Only noise should be left."))
     return found
 
 
